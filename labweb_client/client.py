@@ -5,15 +5,16 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
+from contextlib import AbstractAsyncContextManager, AbstractContextManager
 from typing import Any, Protocol, Self, TypeVar
 
 import httpx
 
-from labweb_client.errors import RefusedError, UnansweredError
-from labweb_client.generated.models import RunView
+from labweb_client.errors import CallRefusedError, CallUnansweredError
+from labweb_client.generated.models import RunDetail
 from labweb_client.generated.operations import AsyncOperations, Operations
 from labweb_client.live import News, follow, follow_async
-from labweb_client.sending import API, KEY_HEADER, Call, is_undecided, read, wait_s
+from labweb_client.sending import API, ApiCall, CallAttempts, address_of, read
 
 A = TypeVar("A")
 
@@ -23,7 +24,7 @@ _CONNECT_S = 10.0
 _SERVER_FAILED = 500
 
 
-class Page(Protocol):
+class ListPage(Protocol):
     """An answer that is one page of a list."""
 
     @property
@@ -31,10 +32,10 @@ class Page(Protocol):
         """Return what `after` takes for the next page; None: this is the last one."""
 
 
-P = TypeVar("P", bound=Page)
+P = TypeVar("P", bound=ListPage)
 
 
-class Client(Operations):
+class LabClient(Operations):
     """Talks to one server with an access token.
 
     Each call that acts carries a key of its own, and is sent again with the same key while no
@@ -42,7 +43,13 @@ class Client(Operations):
     """
 
     def __init__(
-        self, url: str, token: str, *, timeout_s: float = 240.0, attempts_count: int = 5
+        self,
+        url: str,
+        token: str,
+        *,
+        timeout_s: float = 240.0,
+        attempts_count: int = 5,
+        is_plain_allowed: bool = False,
     ) -> None:
         """Take the address of the server, such as `https://lab.example.org`, and a token.
 
@@ -51,8 +58,12 @@ class Client(Operations):
             token: Secret of an access token, as *Settings* has shown it.
             timeout_s: For how long one answer is waited for; a recipe may take minutes.
             attempts_count: How often a call is sent at most.
+            is_plain_allowed: The token may cross the network unencrypted, by `http://`.
+
+        Raises:
+            ValueError: The address is none, or is `http://` to another machine.
         """
-        self._url = url.rstrip("/")
+        self._url = address_of(url, is_plain_allowed=is_plain_allowed)
         self._token = token
         self._attempts_count = attempts_count
         headers = {"Authorization": f"Bearer {token}"}
@@ -66,43 +77,36 @@ class Client(Operations):
         """Close its connections."""
         self._http.close()
 
-    def call(self, call: Call, answer: type[A]) -> A:
+    def call(self, call: ApiCall, answer: type[A]) -> A:
         """Send a call until it is answered.
 
         Raises:
-            RefusedError: The server refused it.
-            UnansweredError: It was sent as often as is allowed, and no answer came.
+            CallRefusedError: The server refused it.
+            CallUnansweredError: It was sent as often as is allowed, and no answer came.
         """
         found = self._send(call)
         return read(found.status_code, found.content, answer)
 
-    def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:  # noqa: ANN401
+    def call_either(self, call: ApiCall, answers: Mapping[int, type[Any]]) -> Any:  # noqa: ANN401
         """Send a call until it is answered; the status says with which struct."""
         found = self._send(call)
         answer = answers.get(found.status_code, type(None))
         return read(found.status_code, found.content, answer)
 
-    def _send(self, call: Call) -> httpx.Response:
-        headers, attempt, was_unanswered = call.headers(), 0, False
+    def _send(self, call: ApiCall) -> httpx.Response:
+        attempts = CallAttempts(call, self._attempts_count)
         while True:
-            attempt += 1
-            is_last = attempt >= self._attempts_count
             try:
-                found = self._http.request(**_request(call, headers))
+                found = self._http.request(**_request(call, attempts.headers))
             except httpx.TransportError as error:
-                was_unanswered = True
-                if is_last:
-                    raise _unanswered(call, headers, str(error)) from error
-                wanted = wait_s(attempt, 0, None, b"")
+                wanted = attempts.unanswered(error)
             else:
                 after = found.headers.get("Retry-After")
-                wanted = wait_s(attempt, found.status_code, after, found.content)
-                status, content = found.status_code, found.content
-                if is_last and is_undecided(status, content, was_unanswered=was_unanswered):
-                    raise _unanswered(call, headers, f"the last answer was {status}")
-                if wanted is None or is_last:
+                again = attempts.answered(found.status_code, after, found.content)
+                if again is None:
                     return found
-            time.sleep(wanted or 0.0)  # noqa: TID251 - there is no clock but the machine's
+                wanted = again
+            time.sleep(wanted)  # noqa: TID251 - there is no clock but the machine's
 
     def pages(self, fetch: Callable[..., P], **query: Any) -> Iterator[P]:  # noqa: ANN401
         """Yield every page of a list: `client.pages(client.get_runs, state="complete")`."""
@@ -114,7 +118,7 @@ class Client(Operations):
             if after is None:
                 return
 
-    def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunView:
+    def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunDetail:
         """Return a run once it has ended.
 
         Raises:
@@ -129,30 +133,36 @@ class Client(Operations):
                 raise TimeoutError(f"the run has not ended after {timeout_s} s")
             time.sleep(_POLL_S)  # noqa: TID251 - as above
 
-    def _look(self, run_id: str) -> RunView | None:
+    def _look(self, run_id: str) -> RunDetail | None:
         """Return a run; None: the server is away, and the run goes on without it."""
         try:
             return self.get_run(run_id)
-        except UnansweredError:
+        except CallUnansweredError:
             return None
-        except RefusedError as error:
+        except CallRefusedError as error:
             if error.status < _SERVER_FAILED:
                 raise
             return None
 
-    def follow(self, *topics: str) -> Iterator[News]:
-        """Yield what the server announces on topics such as `runs` or `run:<id>`."""
+    def follow(self, *topics: str) -> AbstractContextManager[Iterator[News]]:
+        """Subscribe to topics such as `runs` or `run:<id>`: `with lab.follow("runs") as news:`."""
         return follow(self._url, self._token, topics)
 
 
-class AsyncClient(AsyncOperations):
-    """Talks to one server as `Client` does, from a program that is asynchronous."""
+class AsyncLabClient(AsyncOperations):
+    """Talks to one server as `LabClient` does, from a program that is asynchronous."""
 
     def __init__(
-        self, url: str, token: str, *, timeout_s: float = 240.0, attempts_count: int = 5
+        self,
+        url: str,
+        token: str,
+        *,
+        timeout_s: float = 240.0,
+        attempts_count: int = 5,
+        is_plain_allowed: bool = False,
     ) -> None:
-        """Take address and token, as `Client` does."""
-        self._url = url.rstrip("/")
+        """Take address and token, as `LabClient` does."""
+        self._url = address_of(url, is_plain_allowed=is_plain_allowed)
         self._token = token
         self._attempts_count = attempts_count
         headers = {"Authorization": f"Bearer {token}"}
@@ -168,14 +178,14 @@ class AsyncClient(AsyncOperations):
         """Close its connections."""
         await self._http.aclose()
 
-    async def call(self, call: Call, answer: type[A]) -> A:
-        """Send a call until it is answered, as `Client.call` does."""
+    async def call(self, call: ApiCall, answer: type[A]) -> A:
+        """Send a call until it is answered, as `LabClient.call` does."""
         found = await self._send(call)
         return read(found.status_code, found.content, answer)
 
     async def call_either(
         self,
-        call: Call,
+        call: ApiCall,
         answers: Mapping[int, type[Any]],
     ) -> Any:  # noqa: ANN401
         """Send a call until it is answered; the status says with which struct."""
@@ -183,34 +193,27 @@ class AsyncClient(AsyncOperations):
         answer = answers.get(found.status_code, type(None))
         return read(found.status_code, found.content, answer)
 
-    async def _send(self, call: Call) -> httpx.Response:
-        headers, attempt, was_unanswered = call.headers(), 0, False
+    async def _send(self, call: ApiCall) -> httpx.Response:
+        attempts = CallAttempts(call, self._attempts_count)
         while True:
-            attempt += 1
-            is_last = attempt >= self._attempts_count
             try:
-                found = await self._http.request(**_request(call, headers))
+                found = await self._http.request(**_request(call, attempts.headers))
             except httpx.TransportError as error:
-                was_unanswered = True
-                if is_last:
-                    raise _unanswered(call, headers, str(error)) from error
-                wanted = wait_s(attempt, 0, None, b"")
+                wanted = attempts.unanswered(error)
             else:
                 after = found.headers.get("Retry-After")
-                wanted = wait_s(attempt, found.status_code, after, found.content)
-                status, content = found.status_code, found.content
-                if is_last and is_undecided(status, content, was_unanswered=was_unanswered):
-                    raise _unanswered(call, headers, f"the last answer was {status}")
-                if wanted is None or is_last:
+                again = attempts.answered(found.status_code, after, found.content)
+                if again is None:
                     return found
-            await asyncio.sleep(wanted or 0.0)
+                wanted = again
+            await asyncio.sleep(wanted)
 
     async def pages(
         self,
         fetch: Callable[..., Awaitable[P]],
         **query: Any,  # noqa: ANN401 - what the list takes
     ) -> AsyncIterator[P]:
-        """Yield every page of a list, as `Client.pages` does."""
+        """Yield every page of a list, as `LabClient.pages` does."""
         after: str | None = None
         while True:
             page = await fetch(**query, after=after)
@@ -219,8 +222,8 @@ class AsyncClient(AsyncOperations):
             if after is None:
                 return
 
-    async def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunView:
-        """Return a run once it has ended, as `Client.wait_for_run` does."""
+    async def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunDetail:
+        """Return a run once it has ended, as `LabClient.wait_for_run` does."""
         async with asyncio.timeout(timeout_s):
             while True:
                 run = await self._look(run_id)
@@ -228,18 +231,18 @@ class AsyncClient(AsyncOperations):
                     return run
                 await asyncio.sleep(_POLL_S)
 
-    async def _look(self, run_id: str) -> RunView | None:
+    async def _look(self, run_id: str) -> RunDetail | None:
         try:
             return await self.get_run(run_id)
-        except UnansweredError:
+        except CallUnansweredError:
             return None
-        except RefusedError as error:
+        except CallRefusedError as error:
             if error.status < _SERVER_FAILED:
                 raise
             return None
 
-    def follow(self, *topics: str) -> AsyncIterator[News]:
-        """Yield what the server announces, as `Client.follow` does."""
+    def follow(self, *topics: str) -> AbstractAsyncContextManager[AsyncIterator[News]]:
+        """Subscribe as `LabClient.follow` does: `async with lab.follow("runs") as news:`."""
         return follow_async(self._url, self._token, topics)
 
 
@@ -247,12 +250,7 @@ def _patience(timeout_s: float) -> httpx.Timeout:
     return httpx.Timeout(timeout_s, connect=min(timeout_s, _CONNECT_S))
 
 
-def _unanswered(call: Call, headers: dict[str, str], why: str) -> UnansweredError:
-    key = headers.get(KEY_HEADER)
-    return UnansweredError(f"{call.method} {call.path}: {why}", key)
-
-
-def _request(call: Call, headers: dict[str, str]) -> dict[str, Any]:
+def _request(call: ApiCall, headers: dict[str, str]) -> dict[str, Any]:
     return {
         "method": call.method,
         "url": API + call.path,

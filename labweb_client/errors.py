@@ -11,7 +11,7 @@ class LabwebError(Exception):
     """A call did not do what it was sent for."""
 
 
-class UnansweredError(LabwebError):
+class CallUnansweredError(LabwebError):
     """No answer came, however often the call was sent with the same key.
 
     Whether the server has carried it out is not known; a call that only reads has changed nothing.
@@ -24,10 +24,10 @@ class UnansweredError(LabwebError):
         """Key of the call; None: it acts on nothing."""
 
 
-class RefusedError(LabwebError):
+class CallRefusedError(LabwebError):
     """The server refused a call, or failed at it."""
 
-    def __init__(self, status: int, refusal: Refusal) -> None:
+    def __init__(self, status: int, refusal: ServerRefusal) -> None:
         super().__init__(f"{refusal.message} ({refusal.code}, {status})")
         self.status = status
         self.code = refusal.code
@@ -40,7 +40,7 @@ class RefusedError(LabwebError):
         self.findings = refusal.findings
 
 
-class Refusal(msgspec.Struct):
+class ServerRefusal(msgspec.Struct):
     """The one shape of a refusal."""
 
     code: str

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import Any, TypeVar, cast
+from urllib.parse import urlsplit
 
 import msgspec
 
-from labweb_client.errors import LabwebError, Refusal, RefusedError
+from labweb_client.errors import CallRefusedError, CallUnansweredError, LabwebError, ServerRefusal
 
 A = TypeVar("A")
 
@@ -29,13 +30,29 @@ _AGAIN = frozenset(
         HTTPStatus.GATEWAY_TIMEOUT,
     }
 )
+_OWN_MACHINE = frozenset({"localhost", "127.0.0.1", "::1"})
 _IN_PROGRESS = "http.in_progress"
 _LONGEST_WAIT_S = 30.0
 _FIRST_WAIT_S = 0.25
 
 
+def address_of(url: str, *, is_plain_allowed: bool = False) -> str:
+    """Return the address of a server without a slash at its end.
+
+    Raises:
+        ValueError: It is none, or an access token would cross the network unencrypted.
+    """
+    parts = urlsplit(url)
+    if parts.scheme not in {"http", "https"} or not parts.hostname:
+        raise ValueError(f"{url!r} is no address of a server, such as https://lab.example.org")
+    if parts.scheme == "http" and not is_plain_allowed and parts.hostname not in _OWN_MACHINE:
+        text = "sends the access token unencrypted: write https://, or allow it (is_plain_allowed)"
+        raise ValueError(f"{url} {text}")
+    return url.rstrip("/")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Call:
+class ApiCall:
     """One wish: it has one effect, however often it is sent."""
 
     method: str
@@ -71,6 +88,46 @@ class Call:
         return None if self.body is None else msgspec.json.encode(self.body)
 
 
+class CallAttempts:
+    """Sends one call again and again until its outcome is known; the sender waits in between."""
+
+    def __init__(self, call: ApiCall, most_count: int) -> None:
+        self.headers = call.headers()
+        self._called = f"{call.method} {call.path}"
+        self._most_count = most_count
+        self._count = 0
+        self._was_unanswered = False
+
+    def unanswered(self, error: Exception) -> float:
+        """Note that no answer came; return after how many seconds to send the call again.
+
+        Raises:
+            CallUnansweredError: It was sent often enough.
+        """
+        self._count += 1
+        self._was_unanswered = True
+        if self._count >= self._most_count:
+            raise self._given_up(str(error)) from error
+        return wait_s(self._count, 0, None, b"") or 0.0
+
+    def answered(self, status: int, retry_after: str | None, content: bytes) -> float | None:
+        """Note an answer; return after how many seconds to send the call again, None: do not.
+
+        Raises:
+            CallUnansweredError: It was sent often enough, and may have been carried out.
+        """
+        self._count += 1
+        wanted = wait_s(self._count, status, retry_after, content)
+        if wanted is None or self._count < self._most_count:
+            return wanted
+        if status == HTTPStatus.CONFLICT or self._was_unanswered:
+            raise self._given_up(f"the last answer was {status}")
+        return None
+
+    def _given_up(self, why: str) -> CallUnansweredError:
+        return CallUnansweredError(f"{self._called}: {why}", self.headers.get(KEY_HEADER))
+
+
 def wait_s(attempt: int, status: int, retry_after: str | None, content: bytes) -> float | None:
     """Return after how many seconds a call is sent again; None: this answer is the last word.
 
@@ -99,10 +156,10 @@ def read(status: int, content: bytes, answer: type[A]) -> A:
         answer: What it is read as: a struct, `bytes` of a file, or NoneType where none comes.
 
     Raises:
-        RefusedError: The server refused the call.
+        CallRefusedError: The server refused the call.
     """
     if status >= HTTPStatus.MULTIPLE_CHOICES:
-        raise RefusedError(status, _refusal(status, content))
+        raise CallRefusedError(status, _refusal(status, content))
     if answer is bytes:
         return cast("A", content)
     if answer is type(None):
@@ -114,23 +171,16 @@ def read(status: int, content: bytes, answer: type[A]) -> A:
         raise LabwebError(text) from error
 
 
-def is_undecided(status: int, content: bytes, *, was_unanswered: bool) -> bool:
-    """Tell whether nobody knows after the last answer if the call was carried out."""
-    if status == HTTPStatus.CONFLICT:
-        return _code(content) == _IN_PROGRESS
-    return was_unanswered and status in _AGAIN
-
-
-def _refusal(status: int, content: bytes) -> Refusal:
+def _refusal(status: int, content: bytes) -> ServerRefusal:
     try:
-        return msgspec.json.decode(content, type=Refusal)
+        return msgspec.json.decode(content, type=ServerRefusal)
     except msgspec.MsgspecError:
         text = content[:200].decode(errors="replace").strip() or "the server said nothing"
-        return Refusal(code=f"http.{status}", message=text)
+        return ServerRefusal(code=f"http.{status}", message=text)
 
 
 def _code(content: bytes) -> str:
     try:
-        return msgspec.json.decode(content, type=Refusal).code
+        return msgspec.json.decode(content, type=ServerRefusal).code
     except msgspec.MsgspecError:
         return ""

@@ -15,7 +15,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,31 +49,32 @@ _HEAD = '''"""Every operation of the interface; made by `make generate` from its
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from labweb_client.generated import models
-from labweb_client.sending import Call, Files
+from labweb_client.sending import ApiCall, Files
 
 A = TypeVar("A")
 '''
 _CLASS = '''
 
-class {name}:
+class {name}(ABC):
     """{about}"""
 
-    {async_}def call(self, call: Call, answer: type[A]) -> A:
+    @abstractmethod
+    {async_}def call(self, call: ApiCall, answer: type[A]) -> A:
         """Send a call until it is answered."""
-        raise NotImplementedError
 
-    {async_}def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:
+    @abstractmethod
+    {async_}def call_either(self, call: ApiCall, answers: Mapping[int, type[Any]]) -> Any:
         """Send a call until it is answered; the status says with which struct."""
-        raise NotImplementedError
 '''
 
 
 @dataclass(frozen=True, kw_only=True)
-class Operation:
+class ApiOperation:
     """One method of one address."""
 
     method: str
@@ -90,6 +91,12 @@ class Operation:
     query: Mapping[str, str] = field(default_factory=dict)
     """Parameter of the address → its type."""
 
+    documents: Mapping[str, str] = field(default_factory=dict)
+    """Parameter → value with which the answer is a document in a format of its own."""
+
+    is_document: bool = False
+    """That document is asked for."""
+
     @property
     def name(self) -> str:
         """Return the name of the method: the verb, and the path without its parameters."""
@@ -99,6 +106,7 @@ class Operation:
             following = words[place + 1] if place + 1 < len(words) else ""
             if not word.startswith("{"):
                 named.append(_one_of(word) if following.startswith("{") else word)
+        named += ["document"] if self.is_document else []
         return f"{self.method}_{'_'.join(named)}".replace("-", "_")
 
 
@@ -107,13 +115,18 @@ def _one_of(word: str) -> str:
     return word.removesuffix("s") if word.endswith("s") else f"{word}_one"
 
 
-def read_operations(schema: Mapping[str, Any]) -> list[Operation]:
+def read_operations(schema: Mapping[str, Any]) -> list[ApiOperation]:
     """Return the operations of a schema by their address."""
     found = [
         _operation(path, method, item[method])
         for path, item in sorted(schema["paths"].items())
         for method in METHODS
         if method in item and path.startswith(_PREFIX)
+    ]
+    found += [
+        replace(one, is_document=True, answers=dict.fromkeys(one.answers, "bytes"))
+        for one in found
+        if one.documents
     ]
     counted = Counter(operation.name for operation in found)
     doubled = sorted(name for name, count in counted.items() if count > 1)
@@ -122,10 +135,11 @@ def read_operations(schema: Mapping[str, Any]) -> list[Operation]:
     return found
 
 
-def _operation(path: str, method: str, told: Mapping[str, Any]) -> Operation:
+def _operation(path: str, method: str, told: Mapping[str, Any]) -> ApiOperation:
     content = told.get("requestBody", {}).get("content", {})
     body = content.get("application/json", {}).get("schema")
-    return Operation(
+    documents = told.get("x-documents", {})
+    return ApiOperation(
         method=method,
         path=path,
         about=_first_line(told.get("description", "")),
@@ -136,8 +150,9 @@ def _operation(path: str, method: str, told: Mapping[str, Any]) -> Operation:
         query={
             one["name"]: _type_of(one["schema"]) + ("" if one.get("required") else " | None = None")
             for one in told.get("parameters", ())
-            if one["in"] == "query"
+            if one["in"] == "query" and one["name"] not in documents
         },
+        documents=documents,
     )
 
 
@@ -152,6 +167,7 @@ def _answers(responses: Mapping[str, Any]) -> dict[int, str]:
         if status.startswith("2"):
             content = response.get("content", {})
             schema = content.get("application/json", {}).get("schema", {})
+            schema = schema.get("oneOf", [schema])[0]
             is_file = bool(content) and "$ref" not in schema
             found[int(status)] = "bytes" if is_file else _type_of(schema) if schema else "None"
     return found
@@ -165,7 +181,7 @@ def _type_of(schema: Mapping[str, Any]) -> str:
     return _TYPES.get(str(schema.get("type")), "object")
 
 
-def write_operations(operations: list[Operation]) -> str:
+def write_operations(operations: list[ApiOperation]) -> str:
     """Return the module with every operation, for both kinds of programs."""
     parts = [_HEAD]
     for is_async in (False, True):
@@ -176,7 +192,7 @@ def write_operations(operations: list[Operation]) -> str:
     return "".join(parts)
 
 
-def _method(one: Operation, *, is_async: bool) -> Iterator[str]:
+def _method(one: ApiOperation, *, is_async: bool) -> Iterator[str]:
     taken = ["self", *(f"{name}: str" for name in one.path_names)]
     taken += [f"body: {one.body}"] if one.body else []
     taken += ["form: Mapping[str, str]", "files: Files"] if one.is_form else []
@@ -191,9 +207,9 @@ def _method(one: Operation, *, is_async: bool) -> Iterator[str]:
     given += ["body=body"] if one.body else []
     given += ["form=form", "files=files"] if one.is_form else []
     given += ["key=key"] if one.method != "get" else []
-    if one.query:
-        query = ", ".join(f"{name!r}: {name}" for name in one.query)
-        given.append(f"query={{{query}}}")
+    query = [f"{name!r}: {name}" for name in one.query]
+    query += [f"{name!r}: {word!r}" for name, word in one.documents.items() if one.is_document]
+    given += [f"query={{{', '.join(query)}}}"] if query else []
     kinds = ["type(None)" if kind == "None" else kind for kind in one.answers.values()]
     pairs = zip(one.answers, kinds, strict=True)
     listed = ", ".join(f"{status}: {kind}" for status, kind in pairs)
@@ -203,7 +219,7 @@ def _method(one: Operation, *, is_async: bool) -> Iterator[str]:
     word, wait = ("async ", "await ") if is_async else ("", "")
     yield f"\n    {word}def {one.name}({', '.join(taken)}) -> {returned}:\n"
     yield f'        """{one.about}"""\n'
-    yield f"        return {wait}self.{send}(Call({', '.join(given)}), {wanted})\n"
+    yield f"        return {wait}self.{send}(ApiCall({', '.join(given)}), {wanted})\n"
 
 
 def main() -> int:

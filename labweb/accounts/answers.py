@@ -6,7 +6,7 @@ from datetime import datetime
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 
 
 class AccessTokenRow(ApiAnswer):
@@ -17,7 +17,7 @@ class AccessTokenRow(ApiAnswer):
     owner: str
     """Printed name of the person in whose name it acts."""
 
-    scope: Scope
+    scope: AccessScope
     created_at: datetime
     expires_at: datetime
     revoked_at: datetime | None

@@ -20,9 +20,9 @@ from rest_framework.views import APIView
 from labweb.accounts import services
 from labweb.accounts.selectors import User, user_of
 from labweb.accounts.selectors.tokens import AccessToken
-from labweb.common.answers import Answering, AnswerRenderer, ApiAnswer
+from labweb.common.answers import AnswerRenderer, ApiAnswer
 from labweb.common.requests import Parameter, check_query
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.errors import ForbiddenError, LabError, LockedError
 
 ACTING = frozenset({"post", "put", "patch", "delete"})
@@ -83,7 +83,7 @@ def is_by_token(request: Request) -> bool:
     return isinstance(request.auth, AccessToken)
 
 
-def check_scope(request: Request, needed: Scope | None) -> None:
+def check_scope(request: Request, needed: AccessScope | None) -> None:
     """Refuse what an access token does not reach; whoever is signed in needs none.
 
     Args:
@@ -99,14 +99,16 @@ def check_scope(request: Request, needed: Scope | None) -> None:
     if needed is None:
         text = "no access token may do this: sign in, and do it yourself"
         raise ForbiddenError(text, code="token.not_by_token")
-    scope = Scope(token.scope)
+    scope = AccessScope(token.scope)
     if not scope.holds(needed):
         text = f"this needs the scope {needed.value}, and the token {token.name!r} has {scope}"
         raise ForbiddenError(text, code="token.scope")
 
 
-class Endpoint(Answering, APIView):
+class Endpoint(APIView):
     """A view that answers with structs, and whose unsafe methods each carry out one wish once.
+
+    A method is annotated with the struct that it returns, or with None; the schema says the same.
 
     A method acts unless `harmless` says why a second time does no more than the first. What
     acts needs a key. The first answer to a key, a refusal too, is kept for seven days and is
@@ -123,7 +125,17 @@ class Endpoint(Answering, APIView):
     queries: ClassVar[Mapping[str, Parameter]] = {}
     """What GET takes in the address; what is not declared here is refused, to any method."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {}
+    statuses: ClassVar[Mapping[str, int]] = {}
+    """Method, in small letters → status of its answer, where that is neither 200 nor 204."""
+
+    answers: ClassVar[Mapping[str, Mapping[int, type[ApiAnswer]]]] = {}
+    """Method → status → answer, of a method that has several and returns responses itself."""
+
+    documents: ClassVar[Mapping[str, str]] = {}
+    """Parameter of the address → the value with which GET answers with a document in a format of
+    its own instead of the struct."""
+
+    scopes: ClassVar[Mapping[str, AccessScope]] = {}
     """Method, in small letters → scope that an access token needs for it. GET needs `read`; what is
     not named here is done by nobody but a person who is signed in."""
 
@@ -131,7 +143,9 @@ class Endpoint(Answering, APIView):
         """Find who calls; a token has to reach as far as the method."""
         super().perform_authentication(request)
         method = str(request.method).lower()
-        check_scope(request, self.scopes.get(method, Scope.READ if method in READING else None))
+        check_scope(
+            request, self.scopes.get(method, AccessScope.READ if method in READING else None)
+        )
 
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - DRF's shape
         """Let who may call at all come in, with what is read; then guard what acts."""
@@ -140,10 +154,11 @@ class Endpoint(Answering, APIView):
         check_query(request, self.queries if method in {"get", "head"} else {})
         handler = getattr(self, method, None)
         if handler is not None:
-            told = partial(self._told, handler)
-            setattr(self, method, partial(self._once, told) if acts(type(self), method) else told)
+            respond = partial(self._respond, handler)
+            once = partial(self._once, respond) if acts(type(self), method) else respond
+            setattr(self, method, once)
 
-    def _told(
+    def _respond(
         self,
         handler: Callable[..., Any],
         request: Request,

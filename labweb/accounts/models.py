@@ -7,7 +7,7 @@ from django.db import models
 
 from labweb.common.clock import new_id
 from labweb.common.models import Base, enum_choices
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 
 
 class User(AbstractUser):
@@ -64,7 +64,7 @@ class AccessToken(Base):
     user = models.ForeignKey(User, on_delete=models.CASCADE, related_name="access_tokens")
     lab = models.ForeignKey("resources.Lab", on_delete=models.CASCADE, related_name="+")
     name = models.CharField(max_length=100)
-    scope = models.CharField(max_length=16, choices=enum_choices(Scope))
+    scope = models.CharField(max_length=16, choices=enum_choices(AccessScope))
     secret_hash = models.CharField(max_length=64, unique=True)
     created_at = models.DateTimeField()
     expires_at = models.DateTimeField()

@@ -11,8 +11,8 @@ from django.contrib.auth import SESSION_KEY
 from django.http import HttpRequest
 from django.utils.module_loading import import_string
 
-from labweb.accounts.selectors.tokens import find_token
 from labweb.api.borders import name_of
+from labweb.api.token_sign_in import caller_of, token_of
 
 REMEMBER_S = 60.0
 MOST_SESSIONS = 10_000
@@ -40,12 +40,9 @@ class Callers:
 
 
 def caller_of_token(secret: str) -> str:
-    """Return under which name an access token is counted; empty: it is none that is valid.
-
-    All programs of a person are one caller, and another one than the person at the browser.
-    """
-    token = find_token(secret)
-    return "" if token is None else f"programs:{token.user_id}"
+    """Return under which name an access token is counted; empty: it is none that is valid."""
+    token = token_of(secret)
+    return "" if token is None else caller_of(token)
 
 
 def stranger_of(request: HttpRequest) -> str:

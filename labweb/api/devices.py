@@ -14,12 +14,11 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.api.answers.devices import (
     DeviceDetail,
-    DeviceDriver,
-    DeviceHost,
+    DeviceDriverUse,
     DeviceJob,
     DeviceLink,
     DeviceList,
-    DeviceNode,
+    DevicePart,
     DeviceReading,
     DeviceRow,
     DeviceStatus,
@@ -31,6 +30,7 @@ from labweb.api.answers.devices import (
 )
 from labweb.api.driver_use import driver_of
 from labweb.common import disk
+from labweb.common.answers import NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import Nothing, body
@@ -83,7 +83,7 @@ class OneDevice(Endpoint):
         told = {"halt": None if halt is None else render_halt(halt)}
         return DeviceDetail(
             **(asdict(device_rows([row])[0]) | told),
-            driver=DeviceDriver(
+            driver=DeviceDriverUse(
                 **asdict(driver_of(row)),
                 protocol=spec.protocol,
                 quality=spec.quality,
@@ -94,7 +94,7 @@ class OneDevice(Endpoint):
             statuses=[_status(status) for status in spec.statuses],
             config=row.config,
             nodes=[
-                DeviceNode(role=role, id=UUID(node), name=names.get(UUID(node), ""))
+                DevicePart(role=role, id=UUID(node), name=names.get(UUID(node), ""))
                 for role, node in row.nodes.items()
                 if UUID(node) in seen
             ],
@@ -176,7 +176,7 @@ def _device(
         name=row.name,
         role=row.driver.role,
         kind_label=_kind_label(spec),
-        host=DeviceHost(id=row.host_id, name=row.host.name),
+        host=NamedRef(id=row.host_id, name=row.host.name),
         state=row.state,
         link=_link(row, latest),
         is_halt_owed=is_owed or str(row.id) in row.host.heartbeat.get("halts_owed", ()),

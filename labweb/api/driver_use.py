@@ -10,7 +10,6 @@ from django.db.models import QuerySet
 
 from labweb.accounts.selectors import User
 from labweb.api.answers.drivers import (
-    DriverDevice,
     DriverHost,
     DriverJob,
     DriverPlace,
@@ -19,6 +18,7 @@ from labweb.api.answers.drivers import (
     DriverUse,
     NextDriver,
 )
+from labweb.common.answers import KeyedRef
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.session import SessionState
@@ -51,11 +51,11 @@ def driver_of(device: Device) -> DriverUse:
     )
 
 
-def users_of(user: User) -> dict[UUID, list[DriverDevice]]:
+def users_of(user: User) -> dict[UUID, list[KeyedRef]]:
     """Return the devices that the user may see, by the version that they have."""
-    found: dict[UUID, list[DriverDevice]] = {}
+    found: dict[UUID, list[KeyedRef]] = {}
     for device in _visible(user):
-        entry = DriverDevice(id=device.id, key=device.key, name=device.name)
+        entry = KeyedRef(id=device.id, key=device.key, name=device.name)
         found.setdefault(device.driver_id, []).append(entry)
     return found
 

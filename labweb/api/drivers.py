@@ -17,9 +17,9 @@ from labweb.api.answers.drivers import (
     ChosenDriverList,
     DriverComparison,
     DriverDetail,
-    DriverDevice,
     DriverList,
     DriverOrigin,
+    DriverPartChanges,
     DriverReading,
     DriverRequest,
     DriverRights,
@@ -29,7 +29,6 @@ from labweb.api.answers.drivers import (
     DriverUse,
     DriverVerdict,
     KnownDriver,
-    PartChanges,
 )
 from labweb.api.driver_use import (
     driver_of,
@@ -41,6 +40,7 @@ from labweb.api.driver_use import (
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
+from labweb.common.answers import KeyedRef
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import body
@@ -277,14 +277,14 @@ class DriverDevices(Endpoint):
 class DeviceDriverParts(Endpoint):
     """What another version of its driver makes of a device's parts."""
 
-    def get(self, request: Request, device_id: UUID, approved_id: UUID) -> PartChanges:
+    def get(self, request: Request, device_id: UUID, approved_id: UUID) -> DriverPartChanges:
         """List the parts that come, go and change, and what speaks against it; for a decision."""
         user = user_of(request)
         row = selectors.visible_device(device_id, user)
         visible_driver(approved_id, user)
         resource_selectors.require(user, Permission.ADMIT, selectors.node_ids(row))
         seen = run_services.look_at_parts(device_id, approved_id)
-        return PartChanges(
+        return DriverPartChanges(
             decision=seen.decision, changes=list(seen.changes), findings=list(seen.findings)
         )
 
@@ -335,7 +335,7 @@ def _request(row: ApprovalRequest) -> DriverRequest:
 def _row(
     row: DriverVersion,
     user: User,
-    users: dict[UUID, list[DriverDevice]],
+    users: dict[UUID, list[KeyedRef]],
     allowed: frozenset[Permission] | None = None,
 ) -> DriverRow:
     if allowed is None:

@@ -101,7 +101,7 @@ class Handler(ASGIHandler):
             return _too_many() if full.is_own else _busy()
 
     async def _find_caller(self, request: HttpRequest, pace: Pace) -> str:
-        """Return the token, the user of the session, or the address; it is remembered."""
+        """Return as whom a request is counted: by its token, its session or its address."""
         stranger = stranger_of(request)
         secret = bearer_of(str(request.headers.get("Authorization", "")))
         key = secret or request.COOKIES.get(settings.SESSION_COOKIE_NAME, "")

@@ -13,7 +13,7 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, permissions_of, user_of
-from labweb.api.answers.home import HomePage, Need, NeedKind
+from labweb.api.answers.home import HomeNeed, HomePage, NeedKind
 from labweb.api.answers.search import SearchHit, SearchHits
 from labweb.api.devices import device_rows, host_rows
 from labweb.approvals import selectors as approval_selectors
@@ -82,7 +82,7 @@ def _home(user: User) -> HomePage:
 
 def _needs(
     lab: Lab, runs: QuerySet[Run], candidates: Iterable[Device], seen: set[UUID]
-) -> Iterator[Need]:
+) -> Iterator[HomeNeed]:
     shown = runs.values("pk")
     if lab.is_stopped:
         yield _need(
@@ -132,7 +132,7 @@ def _needs(
         )  # fmt: skip
 
 
-def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[Need]:
+def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[HomeNeed]:
     """Disks of the server and of hosts that stand so, before anything fails for want of room."""
     floors, server = disk.floors(), disk.server_disk()
     told = enrollment_selectors.disks_of(hosts)
@@ -143,7 +143,7 @@ def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[Need]:
             yield _need("disk", one.headline(), one.consequence(floors), None, url, verb)
 
 
-def _newcomers(lab: Lab) -> Iterator[Need]:
+def _newcomers(lab: Lab) -> Iterator[HomeNeed]:
     """Machines that ask to become hosts, and what hosts have seen; many of these as one."""
     for asking in enrollment_selectors.waiting_requests(lab):
         known = asking.known_host
@@ -171,7 +171,7 @@ def _newcomers(lab: Lab) -> Iterator[Need]:
         )  # fmt: skip
 
 
-def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[Need]:
+def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[HomeNeed]:
     for closed in crutd_selectors.given_up(lab):
         row = closed.resource
         if row.id not in seen:
@@ -192,7 +192,7 @@ def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[Need]:
         )  # fmt: skip
 
 
-def _paused(runs: QuerySet[Run]) -> Iterator[Need]:
+def _paused(runs: QuerySet[Run]) -> Iterator[HomeNeed]:
     for run in run_selectors.runs_that_wait(runs):
         title = f"Run #{run.number} {run.version.workflow.name} is {run.state}"
         since = min((one["at"] for one in run.pause_reasons), default=None)
@@ -201,7 +201,7 @@ def _paused(runs: QuerySet[Run]) -> Iterator[Need]:
         yield replace(need, run_id=run.id)
 
 
-def _silent(runs: QuerySet[Run]) -> Iterator[Need]:
+def _silent(runs: QuerySet[Run]) -> Iterator[HomeNeed]:
     """Devices of the runs on which something stands that nobody can read back."""
     found = run_selectors.silent_devices()
     known = {one.run.id for one in found}
@@ -231,8 +231,8 @@ def _why_paused(run: Run) -> str:
 
 def _need(
     kind: NeedKind, title: str, detail: str, since_at: datetime | None, url: str, verb: str
-) -> Need:
-    return Need(
+) -> HomeNeed:
+    return HomeNeed(
         kind=kind,
         title=title,
         detail=detail,

@@ -19,9 +19,8 @@ from django.http import HttpRequest
 from django.http.request import split_domain_port, validate_host
 
 from labweb.accounts.selectors import User
-from labweb.accounts.selectors.tokens import find_token
 from labweb.api.parsers import finite, refuse_constant, whole
-from labweb.api.token_sign_in import bearer_of
+from labweb.api.token_sign_in import bearer_of, caller_of, token_of
 from labweb.common.buckets import Rate
 from labweb.common.feed import GROUP
 from labweb.common.sockets import CLOSE_TOO_BIG, BoundedConsumer
@@ -188,11 +187,11 @@ def _member(session_key: str) -> User | None:
 
 
 def _holder(secret: str) -> tuple[User, str] | None:
-    """Return the owner of an access token, and its caller's name, if they may hear of anything."""
-    token = find_token(secret)
+    """Return the owner of an access token, if they may hear of anything, and its caller's name."""
+    token = token_of(secret)
     if token is None or not _allowed(token.user, OPEN_TOPICS):
         return None
-    return token.user, f"programs:{token.user_id}"
+    return token.user, caller_of(token)
 
 
 def _allowed(user: User, topics: Iterable[str]) -> frozenset[str]:

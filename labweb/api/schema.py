@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from http import HTTPStatus
 from typing import Any
 
 import msgspec
@@ -29,10 +28,8 @@ REFUSAL: dict[str, Any] = {
 }
 """Shape of every answer above 399."""
 
-_ANSWER: dict[str, Any] = {"type": "object", "additionalProperties": True}
 
-
-class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
+class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call] # the library registers it
     """How a program signs in."""
 
     target_class = "labweb.api.token_sign_in.TokenAuthentication"
@@ -125,17 +122,35 @@ class LabSchema(AutoSchema):
         return schema
 
     def _answers(self) -> dict[int, dict[str, Any]]:
-        """Return what a method answers with by its status: JSON, or to GET a file."""
+        """Return what a method answers with by its status: JSON, or to GET a file.
+
+        Raises:
+            TypeError: The method does not say it.
+        """
         kind = getattr(self.view, "answer_type", None) if self.method == "GET" else None
         if kind is not None:
             return {200: {kind: {"schema": {"type": "string", "format": "binary"}}}}
-        found = answers_of(type(self.view), self.method.lower()) or {200: None}
-        return {
-            status: {}
-            if status == HTTPStatus.NO_CONTENT
-            else {"application/json": {"schema": _ANSWER if one is None else self._shape(one)}}
-            for status, one in found.items()
+        found = answers_of(type(self.view), self.method.lower())
+        if not found:
+            raise TypeError(f"{self.method} of {type(self.view).__name__} says no answer")
+        shapes = {
+            status: None if one is None else self._shape(one) for status, one in found.items()
         }
+        if self._documents():
+            document = {"type": "object", "additionalProperties": True}
+            shapes = {status: {"oneOf": [shape, document]} for status, shape in shapes.items()}
+        return {
+            status: {} if shape is None else {"application/json": {"schema": shape}}
+            for status, shape in shapes.items()
+        }
+
+    def _documents(self) -> dict[str, str]:
+        """Return with which parameters GET answers with a document that is no struct."""
+        return dict(getattr(self.view, "documents", {})) if self.method == "GET" else {}
+
+    def get_extensions(self) -> dict[str, Any]:
+        """Say the same, as `x-documents`."""
+        return {"x-documents": found} if (found := self._documents()) else {}
 
     def _get_response_bodies(self, direction: str = "response") -> dict[str, Any]:
         del direction

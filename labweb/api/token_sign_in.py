@@ -40,12 +40,27 @@ class TokenAuthentication(BaseAuthentication):
         secret = bearer_of(str(request.headers.get("Authorization", "")))
         if secret is None:
             return None
-        token = find_token(secret)
-        if token is None or token.lab_id != resource_selectors.the_lab().pk:
+        token = token_of(secret)
+        if token is None:
             raise TokenRefusedError
         services.note_use(token)
         services.acting_token.set({"id": str(token.pk), "name": token.name})
         return token.user, token
+
+
+def token_of(secret: str) -> AccessToken | None:
+    """Return the access token of a secret; None: there is none that is valid in this lab."""
+    token = find_token(secret)
+    is_ours = token is not None and token.lab_id == resource_selectors.the_lab().pk
+    return token if is_ours else None
+
+
+def caller_of(token: AccessToken) -> str:
+    """Return under which name the requests of a token are counted.
+
+    All programs of a person are one caller, and another one than the person at the browser.
+    """
+    return f"programs:{token.user_id}"
 
 
 def bearer_of(header: str) -> str | None:

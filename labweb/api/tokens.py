@@ -17,7 +17,7 @@ from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import Parameter, body, one_of
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope, is_valid
 from labweb.domain.errors import ForbiddenError
 from labweb.resources import selectors as resource_selectors
 
@@ -26,7 +26,7 @@ class MakeAccessToken(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a new access token."""
 
     name: str
-    scope: Scope
+    scope: AccessScope
     days: int
     """For how many days it is valid, 1 to 366."""
 
@@ -67,7 +67,7 @@ class AccessTokens(Endpoint):
         return NewAccessToken(token=_row(row), secret=secret)
 
 
-class AccessTokenDetail(Endpoint):
+class OneAccessToken(Endpoint):
     """One access token."""
 
     def delete(self, request: Request, access_id: UUID) -> None:
@@ -85,10 +85,10 @@ def _row(row: tokens.AccessToken) -> AccessTokenRow:
         id=row.pk,
         name=row.name,
         owner=row.user.printed_name,
-        scope=Scope(row.scope),
+        scope=AccessScope(row.scope),
         created_at=row.created_at,
         expires_at=row.expires_at,
         revoked_at=row.revoked_at,
         used_at=row.used_at,
-        is_valid=row.revoked_at is None and row.expires_at > now(),
+        is_valid=is_valid(row.expires_at, row.revoked_at, now()),
     )

@@ -19,7 +19,6 @@ from labweb.api.answers.tryouts import (
     TryoutHost,
     TryoutList,
     TryoutModel,
-    TryoutPlace,
     TryoutRow,
     TryoutState,
     TryoutStatuses,
@@ -28,6 +27,7 @@ from labweb.api.driver_use import is_driver_seen, visible_driver
 from labweb.approvals import selectors as tryouts
 from labweb.approvals import services
 from labweb.approvals.selectors import Tryout, TryoutAct
+from labweb.common.answers import NamedRef
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
 from labweb.domain.enrollment.tryout import FASTEST, labelled
@@ -118,7 +118,7 @@ def _row(row: Tryout) -> TryoutRow:
     is_lost = is_over and row.state != Tryout.State.ENDED
     return TryoutRow(
         id=row.id,
-        host=TryoutPlace(id=row.host_id, name=row.host.name),
+        host=NamedRef(id=row.host_id, name=row.host.name),
         model=row.model,
         title=row.title,
         speed=row.speed,

@@ -22,7 +22,7 @@ urlpatterns = [
     path("session/confirm", session.Confirm.as_view()),
     path("session/awake", session.Awake.as_view()),
     path("tokens", tokens.AccessTokens.as_view()),
-    path("tokens/<uuid:access_id>", tokens.AccessTokenDetail.as_view()),
+    path("tokens/<uuid:access_id>", tokens.OneAccessToken.as_view()),
     path("home", home.Home.as_view()),
     path("search", home.Search.as_view()),
     path("devices", devices.Devices.as_view()),

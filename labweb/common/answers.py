@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from http import HTTPStatus
 from types import UnionType
-from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
+from typing import Any, Union, get_args, get_origin, get_type_hints
+from uuid import UUID
 
 import msgspec
 from rest_framework.renderers import JSONRenderer
@@ -18,6 +19,26 @@ class ApiAnswer(msgspec.Struct):
     `UNSET` then; one that may be empty is `T | None`. A time is a `datetime` with its zone, and is
     written in UTC.
     """
+
+
+class NamedRef(ApiAnswer):
+    """A thing by its id, with the name that a person knows it by."""
+
+    id: UUID
+    name: str
+
+
+class KeyedRef(NamedRef):
+    """A thing by its id, its name, and the key that files and documents call it by."""
+
+    key: str
+
+
+class NumberedRef(ApiAnswer):
+    """A run or a version by its id, with the number that a person knows it by."""
+
+    id: UUID
+    number: int
 
 
 class AnswerRenderer(JSONRenderer):
@@ -35,24 +56,10 @@ class AnswerRenderer(JSONRenderer):
         return super().render(data, accepted_media_type, renderer_context)
 
 
-class Answering:
-    """Says per method with which struct a view answers: by what the method is annotated with."""
-
-    statuses: ClassVar[Mapping[str, int]] = {}
-    """Method, in small letters → status of its answer, where that is neither 200 nor 204."""
-
-    documents: ClassVar[Mapping[str, str]] = {}
-    """Parameter of the address → value with which GET answers with a document of a format of its
-    own, and with no struct."""
-
-    answers: ClassVar[Mapping[str, Mapping[int, type[ApiAnswer]]]] = {}
-    """Method → status → answer, of a method that has more than one and returns responses."""
-
-
 def answers_of(view: type, method: str) -> dict[int, type[ApiAnswer] | None]:
-    """Return the answers of a view to a method by their status; None: one without a body.
+    """Return with what a view answers to a method, by status; None: without a body.
 
-    Nothing is returned of a method that is annotated with a response: it answers with a file.
+    Nothing is returned of a method that is annotated with a response alone.
     """
     listed: Mapping[str, Mapping[int, type[ApiAnswer]]] = getattr(view, "answers", {})
     if method in listed:

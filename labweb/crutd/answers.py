@@ -8,7 +8,7 @@ from uuid import UUID
 
 from msgspec import UNSET, UnsetType
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef, NumberedRef
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
 from labweb.domain.errors import Finding
@@ -44,13 +44,6 @@ class ResourceKeeper(ApiAnswer):
     """Others may draw from it, or pour into it, too."""
 
 
-class ResourceDevice(ApiAnswer):
-    """The device that a resource is part of."""
-
-    id: UUID
-    name: str
-
-
 class ResourceRow(ApiAnswer, kw_only=True):
     """One resource of the tree with its contents."""
 
@@ -74,7 +67,7 @@ class ResourceRow(ApiAnswer, kw_only=True):
 
     is_quarantined: bool
     is_archived: bool
-    device: ResourceDevice | None
+    device: NamedRef | None
     pose: dict[str, Any] | None
     """Where it stands in its parent, as the lab file says it."""
 
@@ -150,13 +143,6 @@ class DoubtEnd(ApiAnswer):
     text: str
 
 
-class EventRun(ApiAnswer):
-    """The run that an event belongs to."""
-
-    id: UUID
-    number: int
-
-
 class EventRow(ApiAnswer):
     """One act on matter, as the record has it."""
 
@@ -185,7 +171,7 @@ class EventRow(ApiAnswer):
     resolved: DoubtEnd | None
     """How the doubt that it left was ended; null: it is open, or there was none."""
 
-    run: EventRun | UnsetType | None = UNSET
+    run: NumberedRef | UnsetType | None = UNSET
     """Null: no run did it, or none that the caller may see; absent: a person did it just now."""
 
 
@@ -197,7 +183,7 @@ class EventList(ApiAnswer):
     """What `after` takes for the next page; null: this is the last one."""
 
 
-class ResourceView(ResourceRow, kw_only=True):
+class ResourceDetail(ResourceRow, kw_only=True):
     """One resource with what happened to it."""
 
     config: dict[str, Any]
@@ -310,14 +296,7 @@ class TicketResource(ApiAnswer):
     is_quarantined: bool
 
 
-class TicketHost(ApiAnswer):
-    """The edge host that a ticket concerns."""
-
-    id: UUID
-    name: str
-
-
-class TicketView(ApiAnswer):
+class TicketDetail(ApiAnswer):
     """One contradiction between record and world."""
 
     id: UUID
@@ -325,7 +304,7 @@ class TicketView(ApiAnswer):
     message: str
     detail: dict[str, Any]
     resources: list[TicketResource]
-    host: TicketHost | None
+    host: NamedRef | None
     opened_at: datetime
     closed_at: datetime | None
     """Null: it is open."""

@@ -15,6 +15,6 @@ urlpatterns = [
     path("resources/<uuid:resource_id>/lineage", api.Lineage.as_view()),
     path("resources/<uuid:resource_id>/stock", desk.Stock.as_view()),
     path("resources/<uuid:resource_id>/reaction", desk.Reaction.as_view()),
-    path("tickets/<uuid:ticket_id>", desk.TicketDetail.as_view()),
+    path("tickets/<uuid:ticket_id>", desk.OneTicket.as_view()),
     path("tickets/<uuid:ticket_id>/close", desk.CloseTicket.as_view()),
 ]

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any, Literal
 from uuid import UUID
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, KeyedRef, NamedRef
 
 JoinRequestState = Literal["waiting", "admitted", "rejected", "expired"]
 JoinTokenState = Literal["open", "used", "withdrawn", "expired"]
@@ -42,13 +42,6 @@ class JoinTokenMade(JoinTokenRow):
     """What is typed on the machine."""
 
 
-class ClaimedHost(ApiAnswer):
-    """The host that a machine says it is, with another key."""
-
-    id: UUID
-    name: str
-
-
 class JoinRequestRow(ApiAnswer):
     """A machine that asks to become a host."""
 
@@ -64,7 +57,7 @@ class JoinRequestRow(ApiAnswer):
     host_id: UUID | None
     """The host that it has become."""
 
-    claims_to_be: ClaimedHost | None
+    claims_to_be: NamedRef | None
 
 
 class JoinRequestList(ApiAnswer):
@@ -78,15 +71,7 @@ class JoinRequestList(ApiAnswer):
     """What `after` takes for the next page; null: this is the last one."""
 
 
-class JoinedHost(ApiAnswer):
-    """The host that a machine has become."""
-
-    id: UUID
-    key: str
-    name: str
-
-
 class JoinAdmission(ApiAnswer):
     """A machine was admitted."""
 
-    host: JoinedHost
+    host: KeyedRef

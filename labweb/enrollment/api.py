@@ -12,14 +12,13 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.common.answers import KeyedRef, NamedRef
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
 from labweb.domain.enrollment.join import USUAL_TOKEN_S
 from labweb.enrollment import selectors, services
 from labweb.enrollment.answers import (
-    ClaimedHost,
     JoinAdmission,
-    JoinedHost,
     JoinRequestList,
     JoinRequestRow,
     JoinRequestState,
@@ -121,7 +120,7 @@ class Admission(ForAdmission):
         """Make it a host, if the code is the one that it shows."""
         said, actor = body(request, Typed), user_of(request)
         host = services.admit_request(join_id, typed=said.code, reason=said.reason, actor=actor)
-        return JoinAdmission(host=JoinedHost(id=host.id, key=host.key, name=host.name))
+        return JoinAdmission(host=KeyedRef(id=host.id, key=host.key, name=host.name))
 
 
 class Rejection(ForAdmission):
@@ -159,5 +158,5 @@ def _request(row: JoinRequest) -> JoinRequestRow:
         state=msgspec.convert(str(state), JoinRequestState),
         reason=row.reason,
         host_id=row.host_id,
-        claims_to_be=None if known is None else ClaimedHost(id=known.id, name=known.name),
+        claims_to_be=None if known is None else NamedRef(id=known.id, name=known.name),
     )

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any, Literal
 from uuid import UUID
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef, NumberedRef
 from labweb.domain.errors import Finding
 
 SampleValue = float | int | str | bool | None
@@ -45,7 +45,7 @@ class TelemetryCurve(ApiAnswer):
     """(seconds, value) of samples, or (begin, mean, lowest, highest, count) of buckets."""
 
 
-class TelemetryGap(ApiAnswer):
+class TelemetryGapRow(ApiAnswer):
     """A time in which samples of a device were lost, or may have been."""
 
     since: float
@@ -62,7 +62,7 @@ class TelemetryCurves(ApiAnswer):
     since_s: float
     until_s: float
     curves: list[TelemetryCurve]
-    gaps: list[TelemetryGap]
+    gaps: list[TelemetryGapRow]
 
 
 class PhotoRow(ApiAnswer):
@@ -96,34 +96,20 @@ class KeptFile(ApiAnswer):
     kept_at: datetime
 
 
-class FileSubject(ApiAnswer):
-    """A resource or a device that a file is about."""
-
-    id: UUID
-    name: str
-
-
-class FileRun(ApiAnswer):
-    """The run of the job that a file came from."""
-
-    id: UUID
-    number: int
-
-
 class FileJob(ApiAnswer):
     """The job that a file came from."""
 
     id: UUID
     index: int
     sentence: str
-    run: FileRun
+    run: NumberedRef
 
 
 class FileRow(KeptFile):
     """A file with the names of what it is about, as far as the caller may know of it."""
 
-    resource: FileSubject | None
-    device: FileSubject | None
+    resource: NamedRef | None
+    device: NamedRef | None
     job: FileJob | None
 
 
@@ -191,7 +177,7 @@ class ReadingList(ApiAnswer):
     """What `after` takes for the next page; null: this is the last one."""
 
 
-class FileWithReadings(FileRow):
+class FileDetail(FileRow):
     """A file with what was read from it."""
 
     facts: dict[str, Any]

@@ -26,7 +26,7 @@ from labweb.telemetry.answers import (
     PhotoRow,
     TelemetryCurve,
     TelemetryCurves,
-    TelemetryGap,
+    TelemetryGapRow,
     TelemetrySeries,
 )
 from labweb.telemetry.selectors import DevicePhoto
@@ -94,7 +94,7 @@ class Curves(Endpoint):
                 )
                 for name, curve in sorted(found.items())
             ],
-            gaps=[TelemetryGap(**gap) for gap in selectors.gaps(device.id, since, until)],
+            gaps=[TelemetryGapRow(**gap) for gap in selectors.gaps(device.id, since, until)],
         )
 
 

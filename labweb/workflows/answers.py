@@ -99,7 +99,7 @@ class VersionList(ApiAnswer):
     """What `after` takes for the next page; null: this is the last one."""
 
 
-class VersionView(VersionRow):
+class VersionDetail(VersionRow):
     """A version of a workflow with its document."""
 
     document: dict[str, Any]

@@ -6,6 +6,28 @@ from typing import Annotated, Any, Literal, TypeAlias
 from msgspec import Meta, Struct, UNSET, UnsetType, field
 
 
+class AccessTokenRow(Struct):
+    """
+    An access token, without its secret.
+    """
+
+    id: str
+    name: str
+    owner: str
+    scope: Annotated[
+        Literal["draft", "read", "simulate", "submit"],
+        Meta(
+            description="How far an access token reaches: each scope holds all before it.\n\n    A token never does more than its owner may, and no token approves, answers a doubt, releases\n    the lab, admits anything, or signs: for that a person signs in.",
+            title="AccessScope",
+        ),
+    ]
+    created_at: str
+    expires_at: str
+    revoked_at: str | None
+    used_at: str | None
+    is_valid: bool
+
+
 class Again(Struct):
     """
     Body of a password that is typed again.
@@ -14,20 +36,11 @@ class Again(Struct):
     password: str
 
 
-class Asker(Struct):
+class ApprovalAsker(Struct):
     """
     Who asked for an approval.
     """
 
-    name: str
-
-
-class CalibratedDevice(Struct):
-    """
-    The device that a calibration is of.
-    """
-
-    id: str
     name: str
 
 
@@ -109,15 +122,6 @@ class ChosenDevice(Struct):
 
     device_id: str
     parts: str | UnsetType = ""
-
-
-class ClaimedHost(Struct):
-    """
-    The host that a machine says it is, with another key.
-    """
-
-    id: str
-    name: str
 
 
 class Closing(Struct):
@@ -214,24 +218,6 @@ class Credentials(Struct):
     password: str
 
 
-class CustodyHost(Struct):
-    """
-    An edge host that writes a vessel's facts, or will.
-    """
-
-    id: str
-    name: str
-
-
-class CustodyPlace(Struct):
-    """
-    The place that a vessel is carried to.
-    """
-
-    id: str
-    name: str
-
-
 class DecisionMade(Struct):
     """
     The answer of a person to a request.
@@ -302,16 +288,7 @@ class DeviceAction(Struct):
     recovery: Literal["R0", "R1", "R2", "R3"]
 
 
-class DeviceHost(Struct):
-    """
-    The host of a device.
-    """
-
-    id: str
-    name: str
-
-
-class DeviceNode(Struct):
+class DevicePart(Struct):
     """
     A resource that is a part of a device.
     """
@@ -466,16 +443,6 @@ class DriverDecision(Struct):
     comment: str | UnsetType = ""
 
 
-class DriverDevice(Struct):
-    """
-    A device that has a version.
-    """
-
-    id: str
-    key: str
-    name: str
-
-
 class DriverJob(Struct):
     """
     The job that acts on a device that has a version.
@@ -506,30 +473,6 @@ class DriverRights(Struct):
     read: bool
     decide: bool
     withdraw: bool
-
-
-class DriverRow(Struct):
-    """
-    One version of a driver in a list.
-    """
-
-    id: str
-    module: str
-    class_name: str
-    role: str
-    digest: str
-    origin: Literal["release", "upload"]
-    state: Literal["approved", "proposed", "rejected", "withdrawn"]
-    note: str
-    quality: str
-    doc: str
-    proposed_by: str | None
-    proposed_at: str | None
-    approved_by: str | None
-    approved_at: str | None
-    read_at: str
-    devices: list[DriverDevice]
-    can: DriverRights
 
 
 class DriverServing(Struct):
@@ -573,15 +516,6 @@ class DriverWithdrawal(Struct):
     reason: str
 
 
-class EventRun(Struct):
-    """
-    The run that an event belongs to.
-    """
-
-    id: str
-    number: int
-
-
 class EventSubjectRow(Struct):
     """
     A resource that an event concerns.
@@ -611,24 +545,6 @@ class FieldOrigin(Struct):
     job_id: str | None
 
 
-class FileRun(Struct):
-    """
-    The run of the job that a file came from.
-    """
-
-    id: str
-    number: int
-
-
-class FileSubject(Struct):
-    """
-    A resource or a device that a file is about.
-    """
-
-    id: str
-    name: str
-
-
 class Finding(Struct):
     """
     One reason why something may not go.
@@ -638,16 +554,6 @@ class Finding(Struct):
     message: str
     subject: str | UnsetType = ""
     context: dict[str, Any] | UnsetType = UNSET
-
-
-class GivenUp(Struct):
-    """
-    Who aborted a run, when and why.
-    """
-
-    by: str
-    at: str
-    reason: str
 
 
 class HandOver(Struct):
@@ -669,6 +575,34 @@ class HandOverStanding(Struct):
         Literal["in_transit", "leaving", "owned"],
         Meta(description="In whose hands a resource is.", title="CustodyState"),
     ]
+
+
+class HomeNeed(Struct):
+    """
+    One thing that needs a person.
+    """
+
+    kind: Literal[
+        "approval",
+        "asks",
+        "candidate",
+        "disk",
+        "halt_owed",
+        "in_doubt",
+        "paused",
+        "quarantined",
+        "silent",
+        "stopped",
+        "ticket",
+    ]
+    title: str
+    detail: str
+    since_at: str | None
+    url: str
+    verb: str
+    run_id: str | None
+    job_id: str | None
+    request_id: str | None
 
 
 class HostAway(Struct):
@@ -782,16 +716,6 @@ class IncomingRow(Struct):
     ended_at: str | None
 
 
-class JobDevice(Struct):
-    """
-    The device of a job.
-    """
-
-    id: str
-    name: str
-    key: str
-
-
 class JobFile(Struct):
     """
     A file that a job of a run has measured, whether its bytes are here or not.
@@ -815,22 +739,6 @@ class JobTransaction(Struct):
 
     id: str
     state: str
-
-
-class JoinRequestRow(Struct):
-    """
-    A machine that asks to become a host.
-    """
-
-    id: str
-    name: str
-    address: str
-    facts: dict[str, Any]
-    asked_at: str
-    state: Literal["admitted", "expired", "rejected", "waiting"]
-    reason: str
-    host_id: str | None
-    claims_to_be: ClaimedHost | None
 
 
 class JoinTokenMade(Struct):
@@ -861,16 +769,6 @@ class JoinTokenRow(Struct):
     used_at: str | None
     withdrawn_at: str | None
     state: Literal["expired", "open", "used", "withdrawn"]
-
-
-class JoinedHost(Struct):
-    """
-    The host that a machine has become.
-    """
-
-    id: str
-    key: str
-    name: str
 
 
 class Kept(Struct):
@@ -911,6 +809,16 @@ class KeptFile(Struct):
     kept_at: str
 
 
+class KeyedRef(Struct):
+    """
+    A thing by its id, its name, and the key that files and documents call it by.
+    """
+
+    id: str
+    name: str
+    key: str
+
+
 class KnownDriver(Struct):
     """
     The version of the very source that was read.
@@ -929,15 +837,6 @@ class LabCounts(Struct):
     approvals_open: int
     drivers_open: int
     needs_you: int
-
-
-class LatestVersion(Struct):
-    """
-    The newest version of a workflow.
-    """
-
-    id: str
-    number: int
 
 
 class LevelResult(Struct):
@@ -1002,6 +901,22 @@ class LotThere(Struct):
     held_mg: float | None
 
 
+class MakeAccessToken(Struct):
+    """
+    Body of a new access token.
+    """
+
+    name: str
+    scope: Annotated[
+        Literal["draft", "read", "simulate", "submit"],
+        Meta(
+            description="How far an access token reaches: each scope holds all before it.\n\n    A token never does more than its owner may, and no token approves, answers a doubt, releases\n    the lab, admits anything, or signs: for that a person signs in.",
+            title="AccessScope",
+        ),
+    ]
+    days: int
+
+
 class MassAccount(Struct):
     """
     What a vessel or a nominal account lost or gained.
@@ -1052,32 +967,22 @@ class ModuleChange(Struct):
     hunks: list[list[ChangedLine]]
 
 
-class Need(Struct):
+class NamedRef(Struct):
     """
-    One thing that needs a person.
+    A thing by its id, with the name that a person knows it by.
     """
 
-    kind: Literal[
-        "approval",
-        "asks",
-        "candidate",
-        "disk",
-        "halt_owed",
-        "in_doubt",
-        "paused",
-        "quarantined",
-        "silent",
-        "stopped",
-        "ticket",
-    ]
-    title: str
-    detail: str
-    since_at: str | None
-    url: str
-    verb: str
-    run_id: str | None
-    job_id: str | None
-    request_id: str | None
+    id: str
+    name: str
+
+
+class NewAccessToken(Struct):
+    """
+    An access token that was just made.
+    """
+
+    token: AccessTokenRow
+    secret: str
 
 
 class NewVersion(Struct):
@@ -1113,6 +1018,15 @@ class Nothing(Struct):
     """
     Body of an act that takes no arguments.
     """
+
+
+class NumberedRef(Struct):
+    """
+    A run or a version by its id, with the number that a person knows it by.
+    """
+
+    id: str
+    number: int
 
 
 class Opened(Struct):
@@ -1155,16 +1069,6 @@ class PaletteDevice(Struct):
     actions: list[DeviceAction]
 
 
-class PartChanges(Struct):
-    """
-    What a version makes of the parts of a device.
-    """
-
-    decision: str
-    changes: list[Finding]
-    findings: list[Finding]
-
-
 class PasswordConfirmed(Struct):
     """
     The password was typed again, and is right.
@@ -1201,6 +1105,22 @@ class PlaceChoice(Struct):
 
     id: str
     why_not: str | None
+
+
+class PlanJob(Struct):
+    """
+    One action of a plan on one device.
+    """
+
+    index: int
+    step_id: str
+    sentence: str
+    device: NamedRef
+    choices_count: int
+    action: str
+    args: dict[str, Any]
+    after: list[int]
+    estimate_s: float
 
 
 class PlannedStep(Struct):
@@ -1249,15 +1169,6 @@ class Product(Struct):
     purity: Annotated[str, Meta(max_length=500)] | UnsetType = ""
 
 
-class ProductPlace(Struct):
-    """
-    A vessel in which a product stands now.
-    """
-
-    id: str
-    name: str
-
-
 class ProductYield(Struct):
     """
     What came of a chain of reactions, on the lot that limits the first of them.
@@ -1272,7 +1183,7 @@ class ProductYield(Struct):
     isolated_umol: float | None
     ratio: float | None
     missing: list[str]
-    stands_in: list[ProductPlace]
+    stands_in: list[NamedRef]
 
 
 class ProvenanceNode(Struct):
@@ -1470,22 +1381,38 @@ class Reference(Struct):
     due_on: str
 
 
-class ReservedResource(Struct):
+class ReservationRow(Struct):
     """
-    The resource that is reserved.
-    """
-
-    id: str
-    name: str
-
-
-class ResourceDevice(Struct):
-    """
-    The device that a resource is part of.
+    Exclusive use of a resource in the near future; the time ends it.
     """
 
     id: str
-    name: str
+    resource: NamedRef
+    holder: str
+    is_own: bool
+    may_end: bool
+    reason: str
+    made_at: str
+    expires_at: str
+    ended_at: str | None
+
+
+class ReservationsMade(Struct):
+    """
+    What was reserved together.
+    """
+
+    reservations: list[ReservationRow]
+
+
+class ReservationsOfResource(Struct):
+    """
+    What is reserved of a resource and of what it stands in.
+    """
+
+    is_allowed: bool
+    reservations: list[ReservationRow]
+    next: str | None
 
 
 class ResourceKeeper(Struct):
@@ -1521,7 +1448,7 @@ class ResourceRow(Struct):
     capacity_nl: int | None
     is_quarantined: bool
     is_archived: bool
-    device: ResourceDevice | None
+    device: NamedRef | None
     pose: dict[str, Any] | None
     held_by: list[ResourceKeeper]
 
@@ -1628,16 +1555,17 @@ class RunApproval(Struct):
     state: str
 
 
-class RunDevice(Struct):
+class RunGivenUp(Struct):
     """
-    A device that a run uses.
+    Who aborted a run, when and why.
     """
 
-    id: str
-    name: str
+    by: str
+    at: str
+    reason: str
 
 
-class RunHold(Struct):
+class RunHoldRow(Struct):
     """
     Something that a run keeps for itself now.
     """
@@ -1646,15 +1574,6 @@ class RunHold(Struct):
     resource: str
     is_shared: bool
     until_step: int
-
-
-class RunLabel(Struct):
-    """
-    A run by its number.
-    """
-
-    id: str
-    number: int
 
 
 class RunProof(Struct):
@@ -1836,7 +1755,7 @@ class SilentDevice(Struct):
     A device on which something of a run stands, and of which it cannot be read back.
     """
 
-    device: RunDevice
+    device: NamedRef
     since_at: str
     sentences: list[str]
 
@@ -1908,16 +1827,6 @@ class StayAct(Struct):
     contexts: dict[str, Any]
 
 
-class StayDevice(Struct):
-    """
-    The device in which it was.
-    """
-
-    id: str
-    name: str
-    key: str
-
-
 class StayFile(Struct):
     """
     A file that came from a device while a resource was in it.
@@ -1930,15 +1839,6 @@ class StayFile(Struct):
     resource_id: str | None
     at: str
     moment_by: str
-
-
-class StayResource(Struct):
-    """
-    The resource of which the stays are told.
-    """
-
-    id: str
-    name: str
 
 
 class StepPort(Struct):
@@ -2037,7 +1937,7 @@ class TelemetryCurve(Struct):
     points: list[list[float | int | str | bool | None]]
 
 
-class TelemetryGap(Struct):
+class TelemetryGapRow(Struct):
     """
     A time in which samples of a device were lost, or may have been.
     """
@@ -2084,15 +1984,6 @@ class Text(Struct):
     source: str
 
 
-class TicketHost(Struct):
-    """
-    The edge host that a ticket concerns.
-    """
-
-    id: str
-    name: str
-
-
 class TicketResource(Struct):
     """
     A resource that a ticket concerns.
@@ -2101,23 +1992,6 @@ class TicketResource(Struct):
     id: str
     name: str
     is_quarantined: bool
-
-
-class TicketView(Struct):
-    """
-    One contradiction between record and world.
-    """
-
-    id: str
-    code: str
-    message: str
-    detail: dict[str, Any]
-    resources: list[TicketResource]
-    host: TicketHost | None
-    opened_at: str
-    closed_at: str | None
-    closed_by: str | None
-    can_close: bool
 
 
 class TokenWish(Struct):
@@ -2231,22 +2105,13 @@ class TryoutModel(Struct):
     settings: dict[str, Any]
 
 
-class TryoutPlace(Struct):
-    """
-    The host on which a tryout runs.
-    """
-
-    id: str
-    name: str
-
-
 class TryoutRow(Struct):
     """
     One tryout in a list.
     """
 
     id: str
-    host: TryoutPlace
+    host: NamedRef
     model: str
     title: str
     speed: float
@@ -2347,19 +2212,7 @@ class Verdict(Struct):
     comment: str | UnsetType = ""
 
 
-class VersionRow(Struct):
-    """
-    A version of a workflow without its document.
-    """
-
-    id: str
-    number: int
-    note: str
-    author: str | None
-    at: str
-
-
-class VersionView(Struct):
+class VersionDetail(Struct):
     """
     A version of a workflow with its document.
     """
@@ -2370,6 +2223,18 @@ class VersionView(Struct):
     author: str | None
     at: str
     document: dict[str, Any]
+
+
+class VersionRow(Struct):
+    """
+    A version of a workflow without its document.
+    """
+
+    id: str
+    number: int
+    note: str
+    author: str | None
+    at: str
 
 
 class VolumeOrder(Struct):
@@ -2416,26 +2281,13 @@ class WordsOfStep(Struct):
     sort: str
 
 
-class AccessTokenRow(Struct):
+class AccessTokenList(Struct):
     """
-    An access token, without its secret.
+    A page of access tokens, the latest first.
     """
 
-    id: str
-    name: str
-    owner: str
-    scope: Annotated[
-        Literal["draft", "read", "simulate", "submit"],
-        Meta(
-            description="How far an access token reaches: each scope holds all before it.\n\n    A token never does more than its owner may, and no token approves, answers a doubt, releases\n    the lab, admits anything, or signs: for that a person signs in.",
-            title="Scope",
-        ),
-    ]
-    created_at: str
-    expires_at: str
-    revoked_at: str | None
-    used_at: str | None
-    is_valid: bool
+    tokens: list[AccessTokenRow]
+    next: str | None
 
 
 class ApprovalRow(Struct):
@@ -2447,10 +2299,10 @@ class ApprovalRow(Struct):
     title: str
     state: Literal["approved", "expired", "open", "rejected", "withdrawn"]
     about: Literal["calibration", "run"]
-    run: RunLabel
+    run: NumberedRef
     workflow: RunWorkflow
     policies: list[str]
-    asked_by: Asker
+    asked_by: ApprovalAsker
     asked_at: str
     expires_at: str
     plan_digest: str
@@ -2605,16 +2457,16 @@ class CustodyMove(Struct):
         Literal["in_transit", "leaving", "owned"],
         Meta(description="In whose hands a resource is.", title="CustodyState"),
     ]
-    from_: CustodyHost | None = field(name="from")
-    to: CustodyHost | None
-    place: CustodyPlace | None
+    from_: NamedRef | None = field(name="from")
+    to: NamedRef | None
+    place: NamedRef | None
     asked_by: str | None
     asked_at: str
     released_at: str | None
     is_told: bool
 
 
-class DeviceDriver(Struct):
+class DeviceDriverUse(Struct):
     """
     The driver of a device, and what became of its versions.
     """
@@ -2636,7 +2488,7 @@ class DeviceHaltRow(Struct):
     """
 
     id: str
-    device: RunDevice
+    device: NamedRef
     state: Annotated[
         Literal["asked", "halted", "kept", "lost", "owed", "taken"],
         Meta(description="How far a wish to halt one device has come.", title="HaltState"),
@@ -2644,7 +2496,7 @@ class DeviceHaltRow(Struct):
     message: str
     at: str
     ended_at: str | None
-    run: RunLabel | None
+    run: NumberedRef | None
     by: str | None
 
 
@@ -2691,7 +2543,7 @@ class DeviceRow(Struct):
     name: str
     role: str
     kind_label: str
-    host: DeviceHost
+    host: NamedRef
     state: str
     link: Literal["not_enrolled", "offline", "online", "quarantined", "stale"]
     is_halt_owed: bool
@@ -2787,13 +2639,14 @@ class DriverHost(Struct):
     ]
 
 
-class DriverList(Struct):
+class DriverPartChanges(Struct):
     """
-    A page of versions.
+    What a version makes of the parts of a device.
     """
 
-    drivers: list[DriverRow]
-    next: str | None
+    decision: str
+    changes: list[Finding]
+    findings: list[Finding]
 
 
 class DriverReading(Struct):
@@ -2826,6 +2679,30 @@ class DriverRequest(Struct):
     asked_at: str
     expires_at: str
     decision: DriverVerdict | None
+
+
+class DriverRow(Struct):
+    """
+    One version of a driver in a list.
+    """
+
+    id: str
+    module: str
+    class_name: str
+    role: str
+    digest: str
+    origin: Literal["release", "upload"]
+    state: Literal["approved", "proposed", "rejected", "withdrawn"]
+    note: str
+    quality: str
+    doc: str
+    proposed_by: str | None
+    proposed_at: str | None
+    approved_by: str | None
+    approved_at: str | None
+    read_at: str
+    devices: list[KeyedRef]
+    can: DriverRights
 
 
 class DriverUse(Struct):
@@ -2879,7 +2756,7 @@ class EventRow(Struct):
     message: str
     transaction_id: str
     resolved: DoubtEnd | None
-    run: EventRun | None | UnsetType = UNSET
+    run: NumberedRef | None | UnsetType = UNSET
 
 
 class FileJob(Struct):
@@ -2890,7 +2767,7 @@ class FileJob(Struct):
     id: str
     index: int
     sentence: str
-    run: FileRun
+    run: NumberedRef
 
 
 class FileRow(Struct):
@@ -2910,8 +2787,8 @@ class FileRow(Struct):
     job_id: str | None
     kept_by: str
     kept_at: str
-    resource: FileSubject | None
-    device: FileSubject | None
+    resource: NamedRef | None
+    device: NamedRef | None
     job: FileJob | None
 
 
@@ -3054,17 +2931,23 @@ class JoinAdmission(Struct):
     A machine was admitted.
     """
 
-    host: JoinedHost
+    host: KeyedRef
 
 
-class JoinRequestList(Struct):
+class JoinRequestRow(Struct):
     """
-    A page of machines that asked.
+    A machine that asks to become a host.
     """
 
-    requests: list[JoinRequestRow]
-    door: str
-    next: str | None
+    id: str
+    name: str
+    address: str
+    facts: dict[str, Any]
+    asked_at: str
+    state: Literal["admitted", "expired", "rejected", "waiting"]
+    reason: str
+    host_id: str | None
+    claims_to_be: NamedRef | None
 
 
 class JoinTokenList(Struct):
@@ -3105,7 +2988,13 @@ class LabSummary(Struct):
     id: str
     key: str
     name: str
-    mode: Literal["live", "sim"]
+    mode: Annotated[
+        Literal["live", "sim"],
+        Meta(
+            description="Whether the devices of a lab are real. The two never mix in one lab.",
+            title="Mode",
+        ),
+    ]
     time_zone: str
     speed: float
     stop: LabStop
@@ -3166,31 +3055,6 @@ class LogLine(Struct):
     resolved: DoubtEnd | None | UnsetType = UNSET
 
 
-class MakeAccessToken(Struct):
-    """
-    Body of a new access token.
-    """
-
-    name: str
-    scope: Annotated[
-        Literal["draft", "read", "simulate", "submit"],
-        Meta(
-            description="How far an access token reaches: each scope holds all before it.\n\n    A token never does more than its owner may, and no token approves, answers a doubt, releases\n    the lab, admits anything, or signs: for that a person signs in.",
-            title="Scope",
-        ),
-    ]
-    days: int
-
-
-class NewAccessToken(Struct):
-    """
-    An access token that was just made.
-    """
-
-    token: AccessTokenRow
-    secret: str
-
-
 class OpenSession(Struct):
     """
     Who is signed in, and the lab as every page shows it.
@@ -3214,22 +3078,6 @@ class PhOrder(Struct):
     repeats: Annotated[int, Meta(ge=0, le=1000)] | UnsetType = 3
     tolerance: float | UnsetType = 0.1
     valid_days: Annotated[int, Meta(ge=0, le=1000000)] | UnsetType = 7
-
-
-class PlanJob(Struct):
-    """
-    One action of a plan on one device.
-    """
-
-    index: int
-    step_id: str
-    sentence: str
-    device: RunDevice
-    choices_count: int
-    action: str
-    args: dict[str, Any]
-    after: list[int]
-    estimate_s: float
 
 
 class PlanProof(Struct):
@@ -3321,36 +3169,11 @@ class RecoveryCard(Struct):
     params: dict[str, Any]
 
 
-class ReservationRow(Struct):
+class ReservationList(Struct):
     """
-    Exclusive use of a resource in the near future; the time ends it.
-    """
-
-    id: str
-    resource: ReservedResource
-    holder: str
-    is_own: bool
-    may_end: bool
-    reason: str
-    made_at: str
-    expires_at: str
-    ended_at: str | None
-
-
-class ReservationsMade(Struct):
-    """
-    What was reserved together.
+    A page of reservations that hold now.
     """
 
-    reservations: list[ReservationRow]
-
-
-class ReservationsOfResource(Struct):
-    """
-    What is reserved of a resource and of what it stands in.
-    """
-
-    is_allowed: bool
     reservations: list[ReservationRow]
     next: str | None
 
@@ -3360,8 +3183,8 @@ class ResourceConditions(Struct):
     What a device told while a resource was in it.
     """
 
-    resource: StayResource
-    device: StayDevice
+    resource: NamedRef
+    device: KeyedRef
     stays: list[DeviceStay]
     is_truncated: bool
 
@@ -3401,41 +3224,6 @@ class ResourcePort(Struct):
     may_disconnect: bool
 
 
-class ResourceView(Struct):
-    """
-    One resource with what happened to it.
-    """
-
-    id: str
-    key: str
-    parent_id: str | None
-    name: str
-    kind: str
-    kind_label: str
-    nature: Annotated[
-        Literal["action", "action_resource", "resource"],
-        Meta(description="What a resource can do: act, hold, or both.", title="Nature"),
-    ]
-    depth: int
-    holds_liquid: bool
-    contents: list[ContentRow]
-    volume_nl: int
-    capacity_nl: int | None
-    is_quarantined: bool
-    is_archived: bool
-    device: ResourceDevice | None
-    pose: dict[str, Any] | None
-    held_by: list[ResourceKeeper]
-    config: dict[str, Any]
-    data: dict[str, Any]
-    data_told: dict[str, FieldOrigin]
-    extra: dict[str, Any]
-    size_mm: list[float] | None
-    ports: list[ResourcePort]
-    events: list[EventRow]
-    events_next: str | None
-
-
 class RigPicture(Struct):
     """
     A graph of a rig as it was read.
@@ -3458,15 +3246,6 @@ class RunDoubt(Struct):
     resolved: DoubtEnd | None
 
 
-class RunEventList(Struct):
-    """
-    A page of what the transactions of a run did.
-    """
-
-    events: list[EventRow]
-    next: str | None
-
-
 class RunLogPage(Struct):
     """
     A page of the log of a run.
@@ -3484,7 +3263,13 @@ class RunRow(Struct):
     id: str
     number: int
     workflow: RunWorkflow
-    mode: Literal["live", "sim"]
+    mode: Annotated[
+        Literal["live", "sim"],
+        Meta(
+            description="Whether the devices of a lab are real. The two never mix in one lab.",
+            title="Mode",
+        ),
+    ]
     state: Annotated[
         Literal[
             "aborted",
@@ -3511,7 +3296,7 @@ class RunRow(Struct):
     left_s: float | None
     pause_reasons: list[PauseReason]
     waits_for: RunWait | None
-    holds: list[RunHold]
+    holds: list[RunHoldRow]
     recoveries: list[RunRecovery]
     is_given_up: bool
 
@@ -3548,7 +3333,24 @@ class TelemetryCurves(Struct):
     since_s: float
     until_s: float
     curves: list[TelemetryCurve]
-    gaps: list[TelemetryGap]
+    gaps: list[TelemetryGapRow]
+
+
+class TicketDetail(Struct):
+    """
+    One contradiction between record and world.
+    """
+
+    id: str
+    code: str
+    message: str
+    detail: dict[str, Any]
+    resources: list[TicketResource]
+    host: NamedRef | None
+    opened_at: str
+    closed_at: str | None
+    closed_by: str | None
+    can_close: bool
 
 
 class TryoutDetail(Struct):
@@ -3557,7 +3359,7 @@ class TryoutDetail(Struct):
     """
 
     id: str
-    host: TryoutPlace
+    host: NamedRef
     model: str
     title: str
     speed: float
@@ -3622,6 +3424,26 @@ class WorkflowCheck(Struct):
     proof: DraftProof | None
 
 
+class WorkflowDetail(Struct):
+    """
+    A workflow with its draft and versions.
+    """
+
+    id: str
+    name: str
+    description: str
+    is_template: bool
+    latest_version: NumberedRef | None
+    steps_count: int
+    updated_at: str
+    updated_by: str | None
+    last_run: LastRunOf | None
+    draft: dict[str, Any]
+    draft_revision: int
+    versions: list[VersionRow]
+    can_edit: bool
+
+
 class WorkflowOverview(Struct):
     """
     A workflow with its last run.
@@ -3631,7 +3453,7 @@ class WorkflowOverview(Struct):
     name: str
     description: str
     is_template: bool
-    latest_version: LatestVersion | None
+    latest_version: NumberedRef | None
     steps_count: int
     updated_at: str
     updated_by: str | None
@@ -3644,35 +3466,6 @@ class WorkflowOverviewList(Struct):
     """
 
     workflows: list[WorkflowOverview]
-    next: str | None
-
-
-class WorkflowWhole(Struct):
-    """
-    A workflow with its draft and versions.
-    """
-
-    id: str
-    name: str
-    description: str
-    is_template: bool
-    latest_version: LatestVersion | None
-    steps_count: int
-    updated_at: str
-    updated_by: str | None
-    last_run: LastRunOf | None
-    draft: dict[str, Any]
-    draft_revision: int
-    versions: list[VersionRow]
-    can_edit: bool
-
-
-class AccessTokenList(Struct):
-    """
-    A page of access tokens, the latest first.
-    """
-
-    tokens: list[AccessTokenRow]
     next: str | None
 
 
@@ -3773,7 +3566,7 @@ class CustodyDetail(Struct):
     Which host writes a vessel's facts, and the move that it is on.
     """
 
-    host: CustodyHost | None
+    host: NamedRef | None
     move: CustodyMove | None
     connections: list[CustodyConnection]
     is_allowed: bool
@@ -3790,19 +3583,19 @@ class DeviceDetail(Struct):
     name: str
     role: str
     kind_label: str
-    host: DeviceHost
+    host: NamedRef
     state: str
     link: Literal["not_enrolled", "offline", "online", "quarantined", "stale"]
     is_halt_owed: bool
     halt: DeviceHaltRow | None
     job: DeviceJob | None
     readings: list[DeviceReading]
-    driver: DeviceDriver
+    driver: DeviceDriverUse
     actions: list[DeviceAction]
     shows_itself: bool
     statuses: list[DeviceStatus]
     config: dict[str, Any]
-    nodes: list[DeviceNode]
+    nodes: list[DevicePart]
     transport: str
     photo: PhotoRow | None
 
@@ -3813,6 +3606,15 @@ class DeviceList(Struct):
     """
 
     devices: list[DeviceRow]
+    next: str | None
+
+
+class DriverList(Struct):
+    """
+    A page of versions.
+    """
+
+    drivers: list[DriverRow]
     next: str | None
 
 
@@ -3854,7 +3656,7 @@ class HomePage(Struct):
     What a person sees first.
     """
 
-    needs_you: list[Need]
+    needs_you: list[HomeNeed]
     running: list[RunRow]
     last_results: list[RunRow]
     workflows: list[WorkflowOverview]
@@ -3924,7 +3726,7 @@ class JobRow(Struct):
     index: int
     step_id: str
     sentence: str
-    device: JobDevice
+    device: KeyedRef
     choices_count: int
     chosen: str | None
     action: str
@@ -3975,6 +3777,16 @@ class JobRow(Struct):
     asks: JobAsks | None | UnsetType = UNSET
 
 
+class JoinRequestList(Struct):
+    """
+    A page of machines that asked.
+    """
+
+    requests: list[JoinRequestRow]
+    door: str
+    next: str | None
+
+
 class ReadingRow(Struct):
     """
     One thing that was measured; the values of a series are in its file.
@@ -4013,44 +3825,42 @@ class RecipeOpening(Struct):
     document: dict[str, Any] | None
 
 
-class ReservationList(Struct):
+class ResourceDetail(Struct):
     """
-    A page of reservations that hold now.
-    """
-
-    reservations: list[ReservationRow]
-    next: str | None
-
-
-class RunList(Struct):
-    """
-    A page of runs.
+    One resource with what happened to it.
     """
 
-    runs: list[RunRow]
-    next: str | None
+    id: str
+    key: str
+    parent_id: str | None
+    name: str
+    kind: str
+    kind_label: str
+    nature: Annotated[
+        Literal["action", "action_resource", "resource"],
+        Meta(description="What a resource can do: act, hold, or both.", title="Nature"),
+    ]
+    depth: int
+    holds_liquid: bool
+    contents: list[ContentRow]
+    volume_nl: int
+    capacity_nl: int | None
+    is_quarantined: bool
+    is_archived: bool
+    device: NamedRef | None
+    pose: dict[str, Any] | None
+    held_by: list[ResourceKeeper]
+    config: dict[str, Any]
+    data: dict[str, Any]
+    data_told: dict[str, FieldOrigin]
+    extra: dict[str, Any]
+    size_mm: list[float] | None
+    ports: list[ResourcePort]
+    events: list[EventRow]
+    events_next: str | None
 
 
-class RunReportPage(Struct):
-    """
-    What a run did with matter.
-    """
-
-    started_at: str | None
-    ended_at: str | None
-    taken: list[MassAccount]
-    brought: list[MassAccount]
-    taken_ug: int
-    brought_ug: int
-    gap_ug: int
-    unknown: list[str]
-    yields: list[ProductYield]
-    readings: list[ReadingRow]
-    doubts: list[RunDoubt]
-    unconfirmed: list[UnconfirmedJob]
-
-
-class RunView(Struct):
+class RunDetail(Struct):
     """
     A run whole.
     """
@@ -4058,7 +3868,13 @@ class RunView(Struct):
     id: str
     number: int
     workflow: RunWorkflow
-    mode: Literal["live", "sim"]
+    mode: Annotated[
+        Literal["live", "sim"],
+        Meta(
+            description="Whether the devices of a lab are real. The two never mix in one lab.",
+            title="Mode",
+        ),
+    ]
     state: Annotated[
         Literal[
             "aborted",
@@ -4085,13 +3901,13 @@ class RunView(Struct):
     left_s: float | None
     pause_reasons: list[PauseReason]
     waits_for: RunWait | None
-    holds: list[RunHold]
+    holds: list[RunHoldRow]
     recoveries: list[RunRecovery]
     is_given_up: bool
     document: dict[str, Any]
     plan: PlanView
     jobs: list[JobRow]
-    given_up: GivenUp | None
+    given_up: RunGivenUp | None
     halts: list[DeviceHaltRow]
     files: list[JobFile]
     proof: RunProof | None
@@ -4101,6 +3917,34 @@ class RunView(Struct):
     silent: list[SilentDevice]
     contradicted: list[ContradictedAnswer]
     can: RunRights
+
+
+class RunList(Struct):
+    """
+    A page of runs.
+    """
+
+    runs: list[RunRow]
+    next: str | None
+
+
+class RunReport(Struct):
+    """
+    What a run did with matter.
+    """
+
+    started_at: str | None
+    ended_at: str | None
+    taken: list[MassAccount]
+    brought: list[MassAccount]
+    taken_ug: int
+    brought_ug: int
+    gap_ug: int
+    unknown: list[str]
+    yields: list[ProductYield]
+    readings: list[ReadingRow]
+    doubts: list[RunDoubt]
+    unconfirmed: list[UnconfirmedJob]
 
 
 class CalibratedQuantity(Struct):
@@ -4125,7 +3969,7 @@ class CalibrationChange(Struct):
     What a decision changes: the calibration that holds now, and the one that waits.
     """
 
-    device: CalibratedDevice
+    device: NamedRef
     quantity: Annotated[
         Literal["ph", "temperature", "volume"],
         Meta(description="What can be calibrated.", title="Quantity"),
@@ -4165,7 +4009,7 @@ class DriverDetail(Struct):
     approved_by: str | None
     approved_at: str | None
     read_at: str
-    devices: list[DriverDevice]
+    devices: list[KeyedRef]
     can: DriverRights
     sources: dict[str, str]
     roles: list[str]
@@ -4180,7 +4024,7 @@ class DriverDetail(Struct):
     tried: Tried
 
 
-class FileWithReadings(Struct):
+class FileDetail(Struct):
     """
     A file with what was read from it.
     """
@@ -4197,8 +4041,8 @@ class FileWithReadings(Struct):
     job_id: str | None
     kept_by: str
     kept_at: str
-    resource: FileSubject | None
-    device: FileSubject | None
+    resource: NamedRef | None
+    device: NamedRef | None
     job: FileJob | None
     facts: dict[str, Any]
     readings: list[ReadingRow]
@@ -4224,10 +4068,10 @@ class ApprovalDetail(Struct):
     title: str
     state: Literal["approved", "expired", "open", "rejected", "withdrawn"]
     about: Literal["calibration", "run"]
-    run: RunLabel
+    run: NumberedRef
     workflow: RunWorkflow
     policies: list[str]
-    asked_by: Asker
+    asked_by: ApprovalAsker
     asked_at: str
     expires_at: str
     plan_digest: str

@@ -2,32 +2,33 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from labweb_client.generated import models
-from labweb_client.sending import Call, Files
+from labweb_client.sending import ApiCall, Files
 
 A = TypeVar("A")
 
 
-class Operations:
+class Operations(ABC):
     """Each operation."""
 
-    def call(self, call: Call, answer: type[A]) -> A:
+    @abstractmethod
+    def call(self, call: ApiCall, answer: type[A]) -> A:
         """Send a call until it is answered."""
-        raise NotImplementedError
 
-    def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:
+    @abstractmethod
+    def call_either(self, call: ApiCall, answers: Mapping[int, type[Any]]) -> Any:
         """Send a call until it is answered; the status says with which struct."""
-        raise NotImplementedError
 
     def get_approvals(
         self, *, after: str | None = None, limit: int | None = None, state: str | None = None
     ) -> models.ApprovalList:
         """List requests, open ones by default."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/approvals",
                 query={"after": after, "limit": limit, "state": state},
@@ -37,21 +38,23 @@ class Operations:
 
     def get_approval(self, request_id: str) -> models.ApprovalDetail:
         """Return a request with the exact plan, or the result, that it is about."""
-        return self.call(Call(method="GET", path=f"/approvals/{request_id}"), models.ApprovalDetail)
+        return self.call(
+            ApiCall(method="GET", path=f"/approvals/{request_id}"), models.ApprovalDetail
+        )
 
     def post_approval_decision(
         self, request_id: str, body: models.Verdict, *, key: str | None = None
     ) -> models.ApprovalRow:
         """Approve or reject."""
         return self.call(
-            Call(method="POST", path=f"/approvals/{request_id}/decision", body=body, key=key),
+            ApiCall(method="POST", path=f"/approvals/{request_id}/decision", body=body, key=key),
             models.ApprovalRow,
         )
 
     def get_calibration(self, calibration_id: str) -> models.CalibrationDetail:
         """Return it with its points and its result."""
         return self.call(
-            Call(method="GET", path=f"/calibrations/{calibration_id}"), models.CalibrationDetail
+            ApiCall(method="GET", path=f"/calibrations/{calibration_id}"), models.CalibrationDetail
         )
 
     def post_calibration_decision(
@@ -59,7 +62,7 @@ class Operations:
     ) -> models.CalibrationDetail:
         """Accept or reject a result that somebody else measured."""
         return self.call(
-            Call(
+            ApiCall(
                 method="POST", path=f"/calibrations/{calibration_id}/decision", body=body, key=key
             ),
             models.CalibrationDetail,
@@ -70,7 +73,7 @@ class Operations:
     ) -> models.CalibrationDetail:
         """Let it be relied on no more, for a reason."""
         return self.call(
-            Call(
+            ApiCall(
                 method="POST", path=f"/calibrations/{calibration_id}/withdraw", body=body, key=key
             ),
             models.CalibrationDetail,
@@ -81,7 +84,7 @@ class Operations:
     ) -> models.ConnectionList:
         """List the connections between resources the caller may see."""
         return self.call(
-            Call(method="GET", path="/connections", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/connections", query={"after": after, "limit": limit}),
             models.ConnectionList,
         )
 
@@ -90,7 +93,7 @@ class Operations:
     ) -> models.DeliveredLots:
         """Receive every lot of a signed request, or none."""
         return self.call(
-            Call(method="POST", path="/deliveries", body=body, key=key), models.DeliveredLots
+            ApiCall(method="POST", path="/deliveries", body=body, key=key), models.DeliveredLots
         )
 
     def get_devices(
@@ -98,7 +101,7 @@ class Operations:
     ) -> models.DeviceList:
         """List devices with their latest readings."""
         return self.call(
-            Call(method="GET", path="/devices", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/devices", query={"after": after, "limit": limit}),
             models.DeviceList,
         )
 
@@ -107,7 +110,7 @@ class Operations:
     ) -> models.CalibrationsOfDevice:
         """List what can be calibrated of it, what is in force, and every version, newest first."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{calibrated_id}/calibrations",
                 query={"after": after, "limit": limit},
@@ -120,34 +123,38 @@ class Operations:
     ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return self.call(
-            Call(method="POST", path=f"/devices/{calibrated_id}/calibrations", body=body, key=key),
+            ApiCall(
+                method="POST", path=f"/devices/{calibrated_id}/calibrations", body=body, key=key
+            ),
             models.CalibrationDetail,
         )
 
     def get_device(self, device_id: str) -> models.DeviceDetail:
         """Return a device with its driver, actions and statuses."""
-        return self.call(Call(method="GET", path=f"/devices/{device_id}"), models.DeviceDetail)
+        return self.call(ApiCall(method="GET", path=f"/devices/{device_id}"), models.DeviceDetail)
 
     def post_device_driver(
         self, device_id: str, body: models.DriverChoice, *, key: str | None = None
     ) -> models.DriverUse:
         """Give a device another version; an earlier one rolls back."""
         return self.call(
-            Call(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key),
+            ApiCall(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key),
             models.DriverUse,
         )
 
-    def get_device_driver_one_parts(self, device_id: str, approved_id: str) -> models.PartChanges:
+    def get_device_driver_one_parts(
+        self, device_id: str, approved_id: str
+    ) -> models.DriverPartChanges:
         """List the parts that come, go and change, and what speaks against it; for a decision."""
         return self.call(
-            Call(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"),
-            models.PartChanges,
+            ApiCall(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"),
+            models.DriverPartChanges,
         )
 
     def get_device_photo(self, device_id: str, *, of: str | None = None) -> bytes:
         """Return the newest photo, as JPEG."""
         return self.call(
-            Call(method="GET", path=f"/devices/{device_id}/photo", query={"of": of}), bytes
+            ApiCall(method="GET", path=f"/devices/{device_id}/photo", query={"of": of}), bytes
         )
 
     def post_device_photo(
@@ -155,7 +162,7 @@ class Operations:
     ) -> models.PhotoRow:
         """Keep a photo: a form with one `file`, a JPEG, PNG or WebP of at most 16 MiB."""
         return self.call(
-            Call(
+            ApiCall(
                 method="POST", path=f"/devices/{device_id}/photo", form=form, files=files, key=key
             ),
             models.PhotoRow,
@@ -166,7 +173,7 @@ class Operations:
     ) -> models.TelemetrySeries:
         """Return the series of each status between `since_s` and `until_s`."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{device_id}/telemetry",
                 query={"since_s": since_s, "until_s": until_s},
@@ -185,7 +192,7 @@ class Operations:
     ) -> models.TelemetryCurves:
         """Return each status as samples or as buckets, with its level, and the recorded gaps."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{device_id}/telemetry/curves",
                 query={"points": points, "since_s": since_s, "status": status, "until_s": until_s},
@@ -205,7 +212,7 @@ class Operations:
     ) -> bytes:
         """Return samples, or buckets of a `level`, as CSV or with `form=parquet` as Parquet."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{device_id}/telemetry/export",
                 query={
@@ -224,7 +231,7 @@ class Operations:
     ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return self.call(
-            Call(
+            ApiCall(
                 method="POST",
                 path=f"/devices/{heating_id}/calibrations/temperature",
                 body=body,
@@ -238,14 +245,14 @@ class Operations:
     ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return self.call(
-            Call(method="POST", path=f"/devices/{probe_id}/calibrations/ph", body=body, key=key),
+            ApiCall(method="POST", path=f"/devices/{probe_id}/calibrations/ph", body=body, key=key),
             models.CalibrationDetail,
         )
 
     def post_device_show(self, showing_id: str, *, key: str | None = None) -> models.ShowingRun:
         """Start the run in which a device shows its name."""
         return self.call(
-            Call(method="POST", path=f"/devices/{showing_id}/show", key=key), models.ShowingRun
+            ApiCall(method="POST", path=f"/devices/{showing_id}/show", key=key), models.ShowingRun
         )
 
     def post_device_stop(
@@ -253,7 +260,7 @@ class Operations:
     ) -> models.DeviceHaltRow:
         """Halt a device now, whether anything acts on it or not, and return what came of it."""
         return self.call(
-            Call(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key),
+            ApiCall(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key),
             models.DeviceHaltRow,
         )
 
@@ -262,20 +269,23 @@ class Operations:
     ) -> models.DriverList:
         """List every version by module, the newest first, with the devices that use it."""
         return self.call(
-            Call(method="GET", path="/drivers", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/drivers", query={"after": after, "limit": limit}),
             models.DriverList,
         )
 
     def post_drivers(self, body: models.Submission, *, key: str | None = None) -> models.DriverRow:
         """Propose driver source that was read; a second person approves it."""
-        return self.call(Call(method="POST", path="/drivers", body=body, key=key), models.DriverRow)
+        return self.call(
+            ApiCall(method="POST", path="/drivers", body=body, key=key), models.DriverRow
+        )
 
     def post_drivers_reading(
         self, body: models.Text, *, key: str | None = None
     ) -> models.DriverReading:
         """Read source as text; nothing of it is executed, and nothing is written."""
         return self.call(
-            Call(method="POST", path="/drivers/reading", body=body, key=key), models.DriverReading
+            ApiCall(method="POST", path="/drivers/reading", body=body, key=key),
+            models.DriverReading,
         )
 
     def post_driver_devices(
@@ -283,18 +293,18 @@ class Operations:
     ) -> models.ChosenDriverList:
         """Give a version to several devices: to all of them, or to none."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key),
             models.ChosenDriverList,
         )
 
     def get_driver(self, driver_id: str) -> models.DriverDetail:
         """Return a version with its texts, actions, statuses, settings, request and devices."""
-        return self.call(Call(method="GET", path=f"/drivers/{driver_id}"), models.DriverDetail)
+        return self.call(ApiCall(method="GET", path=f"/drivers/{driver_id}"), models.DriverDetail)
 
     def get_driver_change(self, driver_id: str, since_id: str) -> models.DriverComparison:
         """Compare the texts of a version with those of another, line by line."""
         return self.call(
-            Call(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"),
+            ApiCall(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"),
             models.DriverComparison,
         )
 
@@ -303,7 +313,7 @@ class Operations:
     ) -> models.DriverRow:
         """Approve or reject a version."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key),
             models.DriverRow,
         )
 
@@ -312,7 +322,7 @@ class Operations:
     ) -> models.TryoutList:
         """Say where a version can be tried, on which models, and what was tried of it."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/drivers/{driver_id}/tryouts",
                 query={"after": after, "limit": limit},
@@ -325,7 +335,7 @@ class Operations:
     ) -> models.TryoutDetail:
         """Begin a tryout; the version need not be approved."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key),
             models.TryoutDetail,
         )
 
@@ -334,7 +344,7 @@ class Operations:
     ) -> models.DriverRow:
         """Let a version be used no more."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key),
             models.DriverRow,
         )
 
@@ -350,7 +360,7 @@ class Operations:
     ) -> models.FileList:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/files",
                 query={
@@ -367,11 +377,11 @@ class Operations:
 
     def post_files(
         self, form: Mapping[str, str], files: Files, *, key: str | None = None
-    ) -> models.FileWithReadings | models.IncomingRow:
+    ) -> models.FileDetail | models.IncomingRow:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`."""
         return self.call_either(
-            Call(method="POST", path="/files", form=form, files=files, key=key),
-            {201: models.FileWithReadings, 202: models.IncomingRow},
+            ApiCall(method="POST", path="/files", form=form, files=files, key=key),
+            {201: models.FileDetail, 202: models.IncomingRow},
         )
 
     def get_files_incoming(
@@ -385,7 +395,7 @@ class Operations:
     ) -> models.IncomingList:
         """List those that wait, were refused or are lost, newest first; `resource`… narrow it."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/files/incoming",
                 query={
@@ -402,31 +412,26 @@ class Operations:
     def get_files_incoming_one(self, incoming_id: str) -> models.IncomingRow:
         """Return whether it was read, and into which file, or why not."""
         return self.call(
-            Call(method="GET", path=f"/files/incoming/{incoming_id}"), models.IncomingRow
+            ApiCall(method="GET", path=f"/files/incoming/{incoming_id}"), models.IncomingRow
         )
 
-    def get_file(self, file_id: str) -> models.FileWithReadings:
+    def get_file(self, file_id: str) -> models.FileDetail:
         """Return a file with its readings and the series made from it."""
-        return self.call(Call(method="GET", path=f"/files/{file_id}"), models.FileWithReadings)
+        return self.call(ApiCall(method="GET", path=f"/files/{file_id}"), models.FileDetail)
 
     def get_file_content(self, file_id: str) -> bytes:
         """Return the bytes as they were kept, with their checksum in `Repr-Digest`."""
-        return self.call(Call(method="GET", path=f"/files/{file_id}/content"), bytes)
+        return self.call(ApiCall(method="GET", path=f"/files/{file_id}/content"), bytes)
 
     def get_file_provenance(
-        self,
-        file_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, file_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/files/{file_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -436,31 +441,31 @@ class Operations:
     ) -> models.HandOverStanding:
         """Tell its new host to take it over."""
         return self.call(
-            Call(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key),
+            ApiCall(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key),
             models.HandOverStanding,
         )
 
     def get_home(self) -> models.HomePage:
         """Return what needs somebody, what runs, and what was done last."""
-        return self.call(Call(method="GET", path="/home"), models.HomePage)
+        return self.call(ApiCall(method="GET", path="/home"), models.HomePage)
 
     def get_hosts(self, *, after: str | None = None, limit: int | None = None) -> models.HostList:
         """List the hosts of devices that the caller may see, with their journals' lag."""
         return self.call(
-            Call(method="GET", path="/hosts", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/hosts", query={"after": after, "limit": limit}),
             models.HostList,
         )
 
     def get_host(self, host_id: str) -> models.HostDetail:
         """Return a host whole; one that the caller may not see is not there."""
-        return self.call(Call(method="GET", path=f"/hosts/{host_id}"), models.HostDetail)
+        return self.call(ApiCall(method="GET", path=f"/hosts/{host_id}"), models.HostDetail)
 
     def post_host_fence(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
     ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key),
+            ApiCall(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key),
             models.HostStanding,
         )
 
@@ -469,7 +474,7 @@ class Operations:
     ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key),
+            ApiCall(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key),
             models.HostStanding,
         )
 
@@ -478,24 +483,26 @@ class Operations:
     ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key),
+            ApiCall(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key),
             models.HostStanding,
         )
 
     def post_job_confirm(
         self, job_id: str, body: models.Confirmation, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Let the job go, or plan the rest again with what is stated; return the run."""
         return self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key),
+            models.RunDetail,
         )
 
     def post_job_recover(
         self, job_id: str, body: models.RecoveryAnswer, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Carry out a person's choice and return the run."""
         return self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key),
+            models.RunDetail,
         )
 
     def post_job_resolve(
@@ -503,7 +510,8 @@ class Operations:
     ) -> models.JobRow:
         """Send a person's answer to the host."""
         return self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key), models.JobRow
+            ApiCall(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key),
+            models.JobRow,
         )
 
     def get_join_requests(
@@ -511,7 +519,7 @@ class Operations:
     ) -> models.JoinRequestList:
         """List the machines that asked, the newest first; not their codes, which they show."""
         return self.call(
-            Call(method="GET", path="/join-requests", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/join-requests", query={"after": after, "limit": limit}),
             models.JoinRequestList,
         )
 
@@ -520,7 +528,7 @@ class Operations:
     ) -> models.JoinAdmission:
         """Make it a host, if the code is the one that it shows."""
         return self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key),
+            ApiCall(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key),
             models.JoinAdmission,
         )
 
@@ -529,7 +537,7 @@ class Operations:
     ) -> models.JoinRequestRow:
         """Send it away; its key never asks again."""
         return self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key),
+            ApiCall(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key),
             models.JoinRequestRow,
         )
 
@@ -538,7 +546,7 @@ class Operations:
     ) -> models.JoinTokenList:
         """List the tokens, without their secrets, which nobody has."""
         return self.call(
-            Call(method="GET", path="/join-tokens", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/join-tokens", query={"after": after, "limit": limit}),
             models.JoinTokenList,
         )
 
@@ -547,53 +555,48 @@ class Operations:
     ) -> models.JoinTokenMade:
         """Make a token; this answer alone holds it."""
         return self.call(
-            Call(method="POST", path="/join-tokens", body=body, key=key), models.JoinTokenMade
+            ApiCall(method="POST", path="/join-tokens", body=body, key=key), models.JoinTokenMade
         )
 
     def delete_join_token(self, token_id: str, *, key: str | None = None) -> models.JoinTokenRow:
         """Take a token back that nobody has used."""
         return self.call(
-            Call(method="DELETE", path=f"/join-tokens/{token_id}", key=key), models.JoinTokenRow
+            ApiCall(method="DELETE", path=f"/join-tokens/{token_id}", key=key), models.JoinTokenRow
         )
 
     def get_lab(self) -> models.LabSummary:
         """Return the lab."""
-        return self.call(Call(method="GET", path="/lab"), models.LabSummary)
+        return self.call(ApiCall(method="GET", path="/lab"), models.LabSummary)
 
     def get_lab_export(self, *, form: str | None = None) -> bytes:
         """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
-        return self.call(Call(method="GET", path="/lab/export", query={"form": form}), bytes)
+        return self.call(ApiCall(method="GET", path="/lab/export", query={"form": form}), bytes)
 
     def post_lab_reset(self, body: models.Reason, *, key: str | None = None) -> models.LabSummary:
         """Release the latch; starts nothing."""
         return self.call(
-            Call(method="POST", path="/lab/reset", body=body, key=key), models.LabSummary
+            ApiCall(method="POST", path="/lab/reset", body=body, key=key), models.LabSummary
         )
 
     def post_lab_stop(self, body: models.Nothing, *, key: str | None = None) -> models.LabSummary:
         """Stop every device now and latch."""
         return self.call(
-            Call(method="POST", path="/lab/stop", body=body, key=key), models.LabSummary
+            ApiCall(method="POST", path="/lab/stop", body=body, key=key), models.LabSummary
         )
 
     def get_lots_export(self) -> bytes:
         """Return every lot with the vessels that it came into, as the import of lots reads it."""
-        return self.call(Call(method="GET", path="/lots/export"), bytes)
+        return self.call(ApiCall(method="GET", path="/lots/export"), bytes)
 
     def get_lot_provenance(
-        self,
-        lot_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, lot_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/lots/{lot_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -603,7 +606,7 @@ class Operations:
     ) -> models.EventRow | models.HandOverAsked:
         """Carry it out at once; where two hosts have to agree, ask the first (202)."""
         return self.call_either(
-            Call(method="POST", path="/operations", body=body, key=key),
+            ApiCall(method="POST", path="/operations", body=body, key=key),
             {201: models.EventRow, 202: models.HandOverAsked},
         )
 
@@ -612,7 +615,7 @@ class Operations:
     ) -> models.OperationFindings:
         """List every finding against an operation as things stand; change nothing."""
         return self.call(
-            Call(method="POST", path="/operations/check", body=body, key=key),
+            ApiCall(method="POST", path="/operations/check", body=body, key=key),
             models.OperationFindings,
         )
 
@@ -628,7 +631,7 @@ class Operations:
     ) -> models.ReadingList:
         """List readings, newest file first; `resource`, `device`, `job` and `file` narrow it."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/readings",
                 query={
@@ -648,7 +651,7 @@ class Operations:
     ) -> models.DrawnSeries:
         """Return at most `points` points; `scan` says which of several spectra."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/readings/{reading_id}/points",
                 query={"points": points, "scan": scan},
@@ -657,19 +660,14 @@ class Operations:
         )
 
     def get_reading_provenance(
-        self,
-        reading_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, reading_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/readings/{reading_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -679,13 +677,13 @@ class Operations:
     ) -> models.RecipeAdvice:
         """Return the fewest changes with which the recipe compiles, and the changed graph."""
         return self.call(
-            Call(method="POST", path="/recipes/advise", body=body, key=key), models.RecipeAdvice
+            ApiCall(method="POST", path="/recipes/advise", body=body, key=key), models.RecipeAdvice
         )
 
     def post_recipes_keep(self, body: models.Kept, *, key: str | None = None) -> models.KeptRecipe:
         """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
         return self.call(
-            Call(method="POST", path="/recipes/keep", body=body, key=key), models.KeptRecipe
+            ApiCall(method="POST", path="/recipes/keep", body=body, key=key), models.KeptRecipe
         )
 
     def post_recipes_open(
@@ -693,7 +691,7 @@ class Operations:
     ) -> models.RecipeOpening:
         """Read, bind, compile and prove a recipe; findings are an answer, no failure."""
         return self.call(
-            Call(method="POST", path="/recipes/open", body=body, key=key), models.RecipeOpening
+            ApiCall(method="POST", path="/recipes/open", body=body, key=key), models.RecipeOpening
         )
 
     def get_reservations(
@@ -701,7 +699,7 @@ class Operations:
     ) -> models.ReservationList:
         """List the reservations that hold now, of resources the caller may see, oldest first."""
         return self.call(
-            Call(method="GET", path="/reservations", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/reservations", query={"after": after, "limit": limit}),
             models.ReservationList,
         )
 
@@ -710,7 +708,8 @@ class Operations:
     ) -> models.ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
         return self.call(
-            Call(method="POST", path="/reservations", body=body, key=key), models.ReservationsMade
+            ApiCall(method="POST", path="/reservations", body=body, key=key),
+            models.ReservationsMade,
         )
 
     def post_reservation_end(
@@ -718,7 +717,7 @@ class Operations:
     ) -> models.ReservationRow:
         """End it now; one that is over stays as it is."""
         return self.call(
-            Call(method="POST", path=f"/reservations/{reservation_id}/end", body=body, key=key),
+            ApiCall(method="POST", path=f"/reservations/{reservation_id}/end", body=body, key=key),
             models.ReservationRow,
         )
 
@@ -727,17 +726,21 @@ class Operations:
     ) -> models.ResourceList:
         """List the resources the caller may see, in tree order; `at` shows them as they were."""
         return self.call(
-            Call(method="GET", path="/resources", query={"after": after, "at": at, "limit": limit}),
+            ApiCall(
+                method="GET", path="/resources", query={"after": after, "at": at, "limit": limit}
+            ),
             models.ResourceList,
         )
 
     def get_resources_contents(self, *, at: str | None = None) -> bytes:
         """Return a row for each lot in each vessel that the caller may see, now or `at` a time."""
-        return self.call(Call(method="GET", path="/resources/contents", query={"at": at}), bytes)
+        return self.call(ApiCall(method="GET", path="/resources/contents", query={"at": at}), bytes)
 
-    def get_resource(self, resource_id: str) -> models.ResourceView:
+    def get_resource(self, resource_id: str) -> models.ResourceDetail:
         """Return a resource with what happened to it."""
-        return self.call(Call(method="GET", path=f"/resources/{resource_id}"), models.ResourceView)
+        return self.call(
+            ApiCall(method="GET", path=f"/resources/{resource_id}"), models.ResourceDetail
+        )
 
     def get_resource_conditions(
         self,
@@ -749,7 +752,7 @@ class Operations:
     ) -> models.ResourceConditions:
         """Return each stay in the device `device` from `since_s` to `until_s`."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/conditions",
                 query={"device": device, "since_s": since_s, "until_s": until_s},
@@ -760,7 +763,7 @@ class Operations:
     def get_resource_custody(self, resource_id: str) -> models.CustodyDetail:
         """Tell its host, its move if there is one, what it is connected to, and who may act."""
         return self.call(
-            Call(method="GET", path=f"/resources/{resource_id}/custody"), models.CustodyDetail
+            ApiCall(method="GET", path=f"/resources/{resource_id}/custody"), models.CustodyDetail
         )
 
     def get_resource_events(
@@ -768,7 +771,7 @@ class Operations:
     ) -> models.EventList:
         """List its events, newest first; the `events_next` of the resource goes on here."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/events",
                 query={"after": after, "limit": limit},
@@ -781,7 +784,7 @@ class Operations:
     ) -> models.HandOverStanding:
         """Ask its host to let it go."""
         return self.call(
-            Call(method="POST", path=f"/resources/{resource_id}/handover", body=body, key=key),
+            ApiCall(method="POST", path=f"/resources/{resource_id}/handover", body=body, key=key),
             models.HandOverStanding,
         )
 
@@ -790,7 +793,7 @@ class Operations:
     ) -> models.LineageGraph:
         """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/lineage",
                 query={"depth": depth, "direction": direction},
@@ -799,19 +802,14 @@ class Operations:
         )
 
     def get_resource_provenance(
-        self,
-        resource_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, resource_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -819,7 +817,7 @@ class Operations:
     def get_resource_reaction(self, resource_id: str) -> models.ReactionStock:
         """Tell whether the caller may, which lots it holds, and of which materials products are."""
         return self.call(
-            Call(method="GET", path=f"/resources/{resource_id}/reaction"), models.ReactionStock
+            ApiCall(method="GET", path=f"/resources/{resource_id}/reaction"), models.ReactionStock
         )
 
     def get_resource_reservations(
@@ -827,7 +825,7 @@ class Operations:
     ) -> models.ReservationsOfResource:
         """List the reservations of it and of what it stands in; may the caller reserve it?"""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/reservations",
                 query={"after": after, "limit": limit},
@@ -838,7 +836,7 @@ class Operations:
     def get_resource_stock(self, resource_id: str) -> models.StockTaking:
         """Tell whether the caller may take stock of it now, and which lots it could hold."""
         return self.call(
-            Call(method="GET", path=f"/resources/{resource_id}/stock"), models.StockTaking
+            ApiCall(method="GET", path=f"/resources/{resource_id}/stock"), models.StockTaking
         )
 
     def get_runs(
@@ -846,45 +844,46 @@ class Operations:
     ) -> models.RunList:
         """List runs, newest first."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET", path="/runs", query={"after": after, "limit": limit, "state": state}
             ),
             models.RunList,
         )
 
-    def post_runs(self, body: models.StartRun, *, key: str | None = None) -> models.RunView:
+    def post_runs(self, body: models.StartRun, *, key: str | None = None) -> models.RunDetail:
         """Start a version, or ask for approval where a policy wants it."""
-        return self.call(Call(method="POST", path="/runs", body=body, key=key), models.RunView)
+        return self.call(ApiCall(method="POST", path="/runs", body=body, key=key), models.RunDetail)
 
-    def get_run(self, run_id: str) -> models.RunView:
+    def get_run(self, run_id: str) -> models.RunDetail:
         """Return a run whole."""
-        return self.call(Call(method="GET", path=f"/runs/{run_id}"), models.RunView)
+        return self.call(ApiCall(method="GET", path=f"/runs/{run_id}"), models.RunDetail)
 
     def post_run_abort(
         self, run_id: str, body: models.Reason, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Have the run end, and return it."""
         return self.call(
-            Call(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key),
+            models.RunDetail,
         )
 
     def get_run_crate(self, run_id: str) -> bytes:
         """Return a ZIP file: workflow version, plan, events, telemetry, readings, provenance."""
-        return self.call(Call(method="GET", path=f"/runs/{run_id}/crate"), bytes)
+        return self.call(ApiCall(method="GET", path=f"/runs/{run_id}/crate"), bytes)
 
     def get_run_eln(self, run_id: str) -> bytes:
         """Return an .eln file: the crate of the run as one experiment."""
-        return self.call(Call(method="GET", path=f"/runs/{run_id}/eln"), bytes)
+        return self.call(ApiCall(method="GET", path=f"/runs/{run_id}/eln"), bytes)
 
     def get_run_events(
         self, run_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> models.RunEventList:
+    ) -> models.EventList:
         """List what the run's transactions did, newest first."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET", path=f"/runs/{run_id}/events", query={"after": after, "limit": limit}
             ),
-            models.RunEventList,
+            models.EventList,
         )
 
     def get_run_log(
@@ -892,74 +891,74 @@ class Operations:
     ) -> models.RunLogPage:
         """List host events of the run's actions, oldest first."""
         return self.call(
-            Call(method="GET", path=f"/runs/{run_id}/log", query={"after": after, "limit": limit}),
+            ApiCall(
+                method="GET", path=f"/runs/{run_id}/log", query={"after": after, "limit": limit}
+            ),
             models.RunLogPage,
         )
 
-    def post_run_pause(self, run_id: str, *, key: str | None = None) -> models.RunView:
+    def post_run_pause(self, run_id: str, *, key: str | None = None) -> models.RunDetail:
         """Let nothing more of the run begin, and return it."""
-        return self.call(Call(method="POST", path=f"/runs/{run_id}/pause", key=key), models.RunView)
+        return self.call(
+            ApiCall(method="POST", path=f"/runs/{run_id}/pause", key=key), models.RunDetail
+        )
 
     def get_run_provenance(
-        self,
-        run_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, run_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/runs/{run_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
 
-    def get_run_report(self, run_id: str) -> models.RunReportPage:
+    def get_run_report(self, run_id: str) -> models.RunReport:
         """Return masses by account, yields by product, and readings that are series."""
-        return self.call(Call(method="GET", path=f"/runs/{run_id}/report"), models.RunReportPage)
+        return self.call(ApiCall(method="GET", path=f"/runs/{run_id}/report"), models.RunReport)
 
     def post_run_resume(
         self, run_id: str, body: models.Resume, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Let the run go on, and return it."""
         return self.call(
-            Call(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key),
+            models.RunDetail,
         )
 
     def get_search(self, *, q: str | None = None) -> models.SearchHits:
         """Return resources, devices, runs, workflows and lots whose name has the text."""
-        return self.call(Call(method="GET", path="/search", query={"q": q}), models.SearchHits)
+        return self.call(ApiCall(method="GET", path="/search", query={"q": q}), models.SearchHits)
 
     def get_session(self) -> models.OpenSession:
         """Tell who is signed in, and set the CSRF cookie."""
-        return self.call(Call(method="GET", path="/session"), models.OpenSession)
+        return self.call(ApiCall(method="GET", path="/session"), models.OpenSession)
 
     def post_session(
         self, body: models.Credentials, *, key: str | None = None
     ) -> models.OpenSession:
         """Sign in; whoever fails five times at a name from one place waits there five minutes."""
         return self.call(
-            Call(method="POST", path="/session", body=body, key=key), models.OpenSession
+            ApiCall(method="POST", path="/session", body=body, key=key), models.OpenSession
         )
 
     def delete_session(self, *, key: str | None = None) -> None:
         """Sign out."""
-        return self.call(Call(method="DELETE", path="/session", key=key), type(None))
+        return self.call(ApiCall(method="DELETE", path="/session", key=key), type(None))
 
     def post_session_awake(self, *, key: str | None = None) -> None:
         """Note that the person who is signed in has used the page."""
-        return self.call(Call(method="POST", path="/session/awake", key=key), type(None))
+        return self.call(ApiCall(method="POST", path="/session/awake", key=key), type(None))
 
     def post_session_confirm(
         self, body: models.Again, *, key: str | None = None
     ) -> models.PasswordConfirmed:
         """Take the password; acts are signed with it for five minutes."""
         return self.call(
-            Call(method="POST", path="/session/confirm", body=body, key=key),
+            ApiCall(method="POST", path="/session/confirm", body=body, key=key),
             models.PasswordConfirmed,
         )
 
@@ -968,24 +967,24 @@ class Operations:
     ) -> models.OpenSession:
         """Choose a new one; every other session of the caller ends."""
         return self.call(
-            Call(method="POST", path="/session/password", body=body, key=key), models.OpenSession
+            ApiCall(method="POST", path="/session/password", body=body, key=key), models.OpenSession
         )
 
     def get_steps(self) -> models.StepPalette:
         """Return unit operations, device actions and the units a person may write."""
-        return self.call(Call(method="GET", path="/steps"), models.StepPalette)
+        return self.call(ApiCall(method="GET", path="/steps"), models.StepPalette)
 
-    def get_ticket(self, ticket_id: str) -> models.TicketView:
+    def get_ticket(self, ticket_id: str) -> models.TicketDetail:
         """Return a ticket with the resources and the host it concerns."""
-        return self.call(Call(method="GET", path=f"/tickets/{ticket_id}"), models.TicketView)
+        return self.call(ApiCall(method="GET", path=f"/tickets/{ticket_id}"), models.TicketDetail)
 
     def post_ticket_close(
         self, ticket_id: str, body: models.Closing, *, key: str | None = None
-    ) -> models.TicketView:
+    ) -> models.TicketDetail:
         """Close a ticket that a person has looked into; the reason is kept."""
         return self.call(
-            Call(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key),
-            models.TicketView,
+            ApiCall(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key),
+            models.TicketDetail,
         )
 
     def get_tokens(
@@ -993,7 +992,7 @@ class Operations:
     ) -> models.AccessTokenList:
         """List the caller's tokens, those too that are valid no longer; an admin may see all."""
         return self.call(
-            Call(method="GET", path="/tokens", query={"after": after, "limit": limit, "of": of}),
+            ApiCall(method="GET", path="/tokens", query={"after": after, "limit": limit, "of": of}),
             models.AccessTokenList,
         )
 
@@ -1002,45 +1001,45 @@ class Operations:
     ) -> models.NewAccessToken:
         """Make a token; its secret is in this answer alone."""
         return self.call(
-            Call(method="POST", path="/tokens", body=body, key=key), models.NewAccessToken
+            ApiCall(method="POST", path="/tokens", body=body, key=key), models.NewAccessToken
         )
 
     def delete_token(self, access_id: str, *, key: str | None = None) -> None:
         """Revoke it: from now on it opens nothing, and what was started with it goes on."""
-        return self.call(Call(method="DELETE", path=f"/tokens/{access_id}", key=key), type(None))
+        return self.call(ApiCall(method="DELETE", path=f"/tokens/{access_id}", key=key), type(None))
 
     def get_tryout(self, tryout_id: str) -> models.TryoutDetail:
         """Return a tryout with its wishes, statuses, faults and the bytes on its line."""
-        return self.call(Call(method="GET", path=f"/tryouts/{tryout_id}"), models.TryoutDetail)
+        return self.call(ApiCall(method="GET", path=f"/tryouts/{tryout_id}"), models.TryoutDetail)
 
     def post_tryout_wishes(
         self, tryout_id: str, body: models.TryoutWish, *, key: str | None = None
     ) -> models.TryoutActRow:
         """Have it act, read, stop, take a fault, lose all faults, or end."""
         return self.call(
-            Call(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key),
+            ApiCall(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key),
             models.TryoutActRow,
         )
 
     def get_twin(self) -> models.TwinState:
         """Return the twin's state; online means that it answers and that it shows now."""
-        return self.call(Call(method="GET", path="/twin"), models.TwinState)
+        return self.call(ApiCall(method="GET", path="/twin"), models.TwinState)
 
     def get_workflows(
         self, *, after: str | None = None, limit: int | None = None
     ) -> models.WorkflowOverviewList:
         """List workflows, templates first, then the newest."""
         return self.call(
-            Call(method="GET", path="/workflows", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/workflows", query={"after": after, "limit": limit}),
             models.WorkflowOverviewList,
         )
 
     def post_workflows(
         self, body: models.NewWorkflow, *, key: str | None = None
-    ) -> models.WorkflowWhole:
+    ) -> models.WorkflowDetail:
         """Create a workflow."""
         return self.call(
-            Call(method="POST", path="/workflows", body=body, key=key), models.WorkflowWhole
+            ApiCall(method="POST", path="/workflows", body=body, key=key), models.WorkflowDetail
         )
 
     def post_workflows_check(
@@ -1048,19 +1047,22 @@ class Operations:
     ) -> models.WorkflowCheck:
         """Compile a document against the lab as it is; findings are an answer, no failure."""
         return self.call(
-            Call(method="POST", path="/workflows/check", body=body, key=key), models.WorkflowCheck
+            ApiCall(method="POST", path="/workflows/check", body=body, key=key),
+            models.WorkflowCheck,
         )
 
-    def get_workflow(self, workflow_id: str) -> models.WorkflowWhole:
+    def get_workflow(self, workflow_id: str) -> models.WorkflowDetail:
         """Return a workflow with its draft and versions."""
-        return self.call(Call(method="GET", path=f"/workflows/{workflow_id}"), models.WorkflowWhole)
+        return self.call(
+            ApiCall(method="GET", path=f"/workflows/{workflow_id}"), models.WorkflowDetail
+        )
 
     def put_workflow_draft(
         self, workflow_id: str, body: models.Draft, *, key: str | None = None
     ) -> models.DraftSaved:
         """Save the draft over the revision the caller saw."""
         return self.call(
-            Call(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key),
+            ApiCall(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key),
             models.DraftSaved,
         )
 
@@ -1069,7 +1071,7 @@ class Operations:
     ) -> models.VersionList:
         """List versions without their documents, the newest first."""
         return self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/workflows/{workflow_id}/versions",
                 query={"after": after, "limit": limit},
@@ -1082,35 +1084,100 @@ class Operations:
     ) -> models.VersionRow:
         """Freeze the draft as a version."""
         return self.call(
-            Call(method="POST", path=f"/workflows/{workflow_id}/versions", body=body, key=key),
+            ApiCall(method="POST", path=f"/workflows/{workflow_id}/versions", body=body, key=key),
             models.VersionRow,
         )
 
-    def get_workflow_version(self, workflow_id: str, number: str) -> models.VersionView:
+    def get_workflow_version(self, workflow_id: str, number: str) -> models.VersionDetail:
         """Return a version with its document."""
         return self.call(
-            Call(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"),
-            models.VersionView,
+            ApiCall(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"),
+            models.VersionDetail,
+        )
+
+    def get_file_provenance_document(
+        self, file_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return self.call(
+            ApiCall(
+                method="GET",
+                path=f"/files/{file_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    def get_lot_provenance_document(
+        self, lot_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return self.call(
+            ApiCall(
+                method="GET",
+                path=f"/lots/{lot_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    def get_reading_provenance_document(
+        self, reading_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return self.call(
+            ApiCall(
+                method="GET",
+                path=f"/readings/{reading_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    def get_resource_provenance_document(
+        self, resource_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return self.call(
+            ApiCall(
+                method="GET",
+                path=f"/resources/{resource_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    def get_run_provenance_document(
+        self, run_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return self.call(
+            ApiCall(
+                method="GET",
+                path=f"/runs/{run_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
         )
 
 
-class AsyncOperations:
+class AsyncOperations(ABC):
     """Each operation, to be awaited."""
 
-    async def call(self, call: Call, answer: type[A]) -> A:
+    @abstractmethod
+    async def call(self, call: ApiCall, answer: type[A]) -> A:
         """Send a call until it is answered."""
-        raise NotImplementedError
 
-    async def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:
+    @abstractmethod
+    async def call_either(self, call: ApiCall, answers: Mapping[int, type[Any]]) -> Any:
         """Send a call until it is answered; the status says with which struct."""
-        raise NotImplementedError
 
     async def get_approvals(
         self, *, after: str | None = None, limit: int | None = None, state: str | None = None
     ) -> models.ApprovalList:
         """List requests, open ones by default."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/approvals",
                 query={"after": after, "limit": limit, "state": state},
@@ -1121,7 +1188,7 @@ class AsyncOperations:
     async def get_approval(self, request_id: str) -> models.ApprovalDetail:
         """Return a request with the exact plan, or the result, that it is about."""
         return await self.call(
-            Call(method="GET", path=f"/approvals/{request_id}"), models.ApprovalDetail
+            ApiCall(method="GET", path=f"/approvals/{request_id}"), models.ApprovalDetail
         )
 
     async def post_approval_decision(
@@ -1129,14 +1196,14 @@ class AsyncOperations:
     ) -> models.ApprovalRow:
         """Approve or reject."""
         return await self.call(
-            Call(method="POST", path=f"/approvals/{request_id}/decision", body=body, key=key),
+            ApiCall(method="POST", path=f"/approvals/{request_id}/decision", body=body, key=key),
             models.ApprovalRow,
         )
 
     async def get_calibration(self, calibration_id: str) -> models.CalibrationDetail:
         """Return it with its points and its result."""
         return await self.call(
-            Call(method="GET", path=f"/calibrations/{calibration_id}"), models.CalibrationDetail
+            ApiCall(method="GET", path=f"/calibrations/{calibration_id}"), models.CalibrationDetail
         )
 
     async def post_calibration_decision(
@@ -1144,7 +1211,7 @@ class AsyncOperations:
     ) -> models.CalibrationDetail:
         """Accept or reject a result that somebody else measured."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="POST", path=f"/calibrations/{calibration_id}/decision", body=body, key=key
             ),
             models.CalibrationDetail,
@@ -1155,7 +1222,7 @@ class AsyncOperations:
     ) -> models.CalibrationDetail:
         """Let it be relied on no more, for a reason."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="POST", path=f"/calibrations/{calibration_id}/withdraw", body=body, key=key
             ),
             models.CalibrationDetail,
@@ -1166,7 +1233,7 @@ class AsyncOperations:
     ) -> models.ConnectionList:
         """List the connections between resources the caller may see."""
         return await self.call(
-            Call(method="GET", path="/connections", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/connections", query={"after": after, "limit": limit}),
             models.ConnectionList,
         )
 
@@ -1175,7 +1242,7 @@ class AsyncOperations:
     ) -> models.DeliveredLots:
         """Receive every lot of a signed request, or none."""
         return await self.call(
-            Call(method="POST", path="/deliveries", body=body, key=key), models.DeliveredLots
+            ApiCall(method="POST", path="/deliveries", body=body, key=key), models.DeliveredLots
         )
 
     async def get_devices(
@@ -1183,7 +1250,7 @@ class AsyncOperations:
     ) -> models.DeviceList:
         """List devices with their latest readings."""
         return await self.call(
-            Call(method="GET", path="/devices", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/devices", query={"after": after, "limit": limit}),
             models.DeviceList,
         )
 
@@ -1192,7 +1259,7 @@ class AsyncOperations:
     ) -> models.CalibrationsOfDevice:
         """List what can be calibrated of it, what is in force, and every version, newest first."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{calibrated_id}/calibrations",
                 query={"after": after, "limit": limit},
@@ -1205,14 +1272,16 @@ class AsyncOperations:
     ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{calibrated_id}/calibrations", body=body, key=key),
+            ApiCall(
+                method="POST", path=f"/devices/{calibrated_id}/calibrations", body=body, key=key
+            ),
             models.CalibrationDetail,
         )
 
     async def get_device(self, device_id: str) -> models.DeviceDetail:
         """Return a device with its driver, actions and statuses."""
         return await self.call(
-            Call(method="GET", path=f"/devices/{device_id}"), models.DeviceDetail
+            ApiCall(method="GET", path=f"/devices/{device_id}"), models.DeviceDetail
         )
 
     async def post_device_driver(
@@ -1220,23 +1289,23 @@ class AsyncOperations:
     ) -> models.DriverUse:
         """Give a device another version; an earlier one rolls back."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key),
+            ApiCall(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key),
             models.DriverUse,
         )
 
     async def get_device_driver_one_parts(
         self, device_id: str, approved_id: str
-    ) -> models.PartChanges:
+    ) -> models.DriverPartChanges:
         """List the parts that come, go and change, and what speaks against it; for a decision."""
         return await self.call(
-            Call(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"),
-            models.PartChanges,
+            ApiCall(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"),
+            models.DriverPartChanges,
         )
 
     async def get_device_photo(self, device_id: str, *, of: str | None = None) -> bytes:
         """Return the newest photo, as JPEG."""
         return await self.call(
-            Call(method="GET", path=f"/devices/{device_id}/photo", query={"of": of}), bytes
+            ApiCall(method="GET", path=f"/devices/{device_id}/photo", query={"of": of}), bytes
         )
 
     async def post_device_photo(
@@ -1244,7 +1313,7 @@ class AsyncOperations:
     ) -> models.PhotoRow:
         """Keep a photo: a form with one `file`, a JPEG, PNG or WebP of at most 16 MiB."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="POST", path=f"/devices/{device_id}/photo", form=form, files=files, key=key
             ),
             models.PhotoRow,
@@ -1255,7 +1324,7 @@ class AsyncOperations:
     ) -> models.TelemetrySeries:
         """Return the series of each status between `since_s` and `until_s`."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{device_id}/telemetry",
                 query={"since_s": since_s, "until_s": until_s},
@@ -1274,7 +1343,7 @@ class AsyncOperations:
     ) -> models.TelemetryCurves:
         """Return each status as samples or as buckets, with its level, and the recorded gaps."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{device_id}/telemetry/curves",
                 query={"points": points, "since_s": since_s, "status": status, "until_s": until_s},
@@ -1294,7 +1363,7 @@ class AsyncOperations:
     ) -> bytes:
         """Return samples, or buckets of a `level`, as CSV or with `form=parquet` as Parquet."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/devices/{device_id}/telemetry/export",
                 query={
@@ -1313,7 +1382,7 @@ class AsyncOperations:
     ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="POST",
                 path=f"/devices/{heating_id}/calibrations/temperature",
                 body=body,
@@ -1327,7 +1396,7 @@ class AsyncOperations:
     ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{probe_id}/calibrations/ph", body=body, key=key),
+            ApiCall(method="POST", path=f"/devices/{probe_id}/calibrations/ph", body=body, key=key),
             models.CalibrationDetail,
         )
 
@@ -1336,7 +1405,7 @@ class AsyncOperations:
     ) -> models.ShowingRun:
         """Start the run in which a device shows its name."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{showing_id}/show", key=key), models.ShowingRun
+            ApiCall(method="POST", path=f"/devices/{showing_id}/show", key=key), models.ShowingRun
         )
 
     async def post_device_stop(
@@ -1344,7 +1413,7 @@ class AsyncOperations:
     ) -> models.DeviceHaltRow:
         """Halt a device now, whether anything acts on it or not, and return what came of it."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key),
+            ApiCall(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key),
             models.DeviceHaltRow,
         )
 
@@ -1353,7 +1422,7 @@ class AsyncOperations:
     ) -> models.DriverList:
         """List every version by module, the newest first, with the devices that use it."""
         return await self.call(
-            Call(method="GET", path="/drivers", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/drivers", query={"after": after, "limit": limit}),
             models.DriverList,
         )
 
@@ -1362,7 +1431,7 @@ class AsyncOperations:
     ) -> models.DriverRow:
         """Propose driver source that was read; a second person approves it."""
         return await self.call(
-            Call(method="POST", path="/drivers", body=body, key=key), models.DriverRow
+            ApiCall(method="POST", path="/drivers", body=body, key=key), models.DriverRow
         )
 
     async def post_drivers_reading(
@@ -1370,7 +1439,8 @@ class AsyncOperations:
     ) -> models.DriverReading:
         """Read source as text; nothing of it is executed, and nothing is written."""
         return await self.call(
-            Call(method="POST", path="/drivers/reading", body=body, key=key), models.DriverReading
+            ApiCall(method="POST", path="/drivers/reading", body=body, key=key),
+            models.DriverReading,
         )
 
     async def post_driver_devices(
@@ -1378,20 +1448,20 @@ class AsyncOperations:
     ) -> models.ChosenDriverList:
         """Give a version to several devices: to all of them, or to none."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key),
             models.ChosenDriverList,
         )
 
     async def get_driver(self, driver_id: str) -> models.DriverDetail:
         """Return a version with its texts, actions, statuses, settings, request and devices."""
         return await self.call(
-            Call(method="GET", path=f"/drivers/{driver_id}"), models.DriverDetail
+            ApiCall(method="GET", path=f"/drivers/{driver_id}"), models.DriverDetail
         )
 
     async def get_driver_change(self, driver_id: str, since_id: str) -> models.DriverComparison:
         """Compare the texts of a version with those of another, line by line."""
         return await self.call(
-            Call(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"),
+            ApiCall(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"),
             models.DriverComparison,
         )
 
@@ -1400,7 +1470,7 @@ class AsyncOperations:
     ) -> models.DriverRow:
         """Approve or reject a version."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key),
             models.DriverRow,
         )
 
@@ -1409,7 +1479,7 @@ class AsyncOperations:
     ) -> models.TryoutList:
         """Say where a version can be tried, on which models, and what was tried of it."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/drivers/{driver_id}/tryouts",
                 query={"after": after, "limit": limit},
@@ -1422,7 +1492,7 @@ class AsyncOperations:
     ) -> models.TryoutDetail:
         """Begin a tryout; the version need not be approved."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key),
             models.TryoutDetail,
         )
 
@@ -1431,7 +1501,7 @@ class AsyncOperations:
     ) -> models.DriverRow:
         """Let a version be used no more."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key),
+            ApiCall(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key),
             models.DriverRow,
         )
 
@@ -1447,7 +1517,7 @@ class AsyncOperations:
     ) -> models.FileList:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/files",
                 query={
@@ -1464,11 +1534,11 @@ class AsyncOperations:
 
     async def post_files(
         self, form: Mapping[str, str], files: Files, *, key: str | None = None
-    ) -> models.FileWithReadings | models.IncomingRow:
+    ) -> models.FileDetail | models.IncomingRow:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`."""
         return await self.call_either(
-            Call(method="POST", path="/files", form=form, files=files, key=key),
-            {201: models.FileWithReadings, 202: models.IncomingRow},
+            ApiCall(method="POST", path="/files", form=form, files=files, key=key),
+            {201: models.FileDetail, 202: models.IncomingRow},
         )
 
     async def get_files_incoming(
@@ -1482,7 +1552,7 @@ class AsyncOperations:
     ) -> models.IncomingList:
         """List those that wait, were refused or are lost, newest first; `resource`… narrow it."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/files/incoming",
                 query={
@@ -1499,33 +1569,26 @@ class AsyncOperations:
     async def get_files_incoming_one(self, incoming_id: str) -> models.IncomingRow:
         """Return whether it was read, and into which file, or why not."""
         return await self.call(
-            Call(method="GET", path=f"/files/incoming/{incoming_id}"), models.IncomingRow
+            ApiCall(method="GET", path=f"/files/incoming/{incoming_id}"), models.IncomingRow
         )
 
-    async def get_file(self, file_id: str) -> models.FileWithReadings:
+    async def get_file(self, file_id: str) -> models.FileDetail:
         """Return a file with its readings and the series made from it."""
-        return await self.call(
-            Call(method="GET", path=f"/files/{file_id}"), models.FileWithReadings
-        )
+        return await self.call(ApiCall(method="GET", path=f"/files/{file_id}"), models.FileDetail)
 
     async def get_file_content(self, file_id: str) -> bytes:
         """Return the bytes as they were kept, with their checksum in `Repr-Digest`."""
-        return await self.call(Call(method="GET", path=f"/files/{file_id}/content"), bytes)
+        return await self.call(ApiCall(method="GET", path=f"/files/{file_id}/content"), bytes)
 
     async def get_file_provenance(
-        self,
-        file_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, file_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/files/{file_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -1535,33 +1598,33 @@ class AsyncOperations:
     ) -> models.HandOverStanding:
         """Tell its new host to take it over."""
         return await self.call(
-            Call(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key),
+            ApiCall(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key),
             models.HandOverStanding,
         )
 
     async def get_home(self) -> models.HomePage:
         """Return what needs somebody, what runs, and what was done last."""
-        return await self.call(Call(method="GET", path="/home"), models.HomePage)
+        return await self.call(ApiCall(method="GET", path="/home"), models.HomePage)
 
     async def get_hosts(
         self, *, after: str | None = None, limit: int | None = None
     ) -> models.HostList:
         """List the hosts of devices that the caller may see, with their journals' lag."""
         return await self.call(
-            Call(method="GET", path="/hosts", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/hosts", query={"after": after, "limit": limit}),
             models.HostList,
         )
 
     async def get_host(self, host_id: str) -> models.HostDetail:
         """Return a host whole; one that the caller may not see is not there."""
-        return await self.call(Call(method="GET", path=f"/hosts/{host_id}"), models.HostDetail)
+        return await self.call(ApiCall(method="GET", path=f"/hosts/{host_id}"), models.HostDetail)
 
     async def post_host_fence(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
     ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return await self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key),
+            ApiCall(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key),
             models.HostStanding,
         )
 
@@ -1570,7 +1633,7 @@ class AsyncOperations:
     ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return await self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key),
+            ApiCall(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key),
             models.HostStanding,
         )
 
@@ -1579,24 +1642,26 @@ class AsyncOperations:
     ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return await self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key),
+            ApiCall(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key),
             models.HostStanding,
         )
 
     async def post_job_confirm(
         self, job_id: str, body: models.Confirmation, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Let the job go, or plan the rest again with what is stated; return the run."""
         return await self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key),
+            models.RunDetail,
         )
 
     async def post_job_recover(
         self, job_id: str, body: models.RecoveryAnswer, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Carry out a person's choice and return the run."""
         return await self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key),
+            models.RunDetail,
         )
 
     async def post_job_resolve(
@@ -1604,7 +1669,8 @@ class AsyncOperations:
     ) -> models.JobRow:
         """Send a person's answer to the host."""
         return await self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key), models.JobRow
+            ApiCall(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key),
+            models.JobRow,
         )
 
     async def get_join_requests(
@@ -1612,7 +1678,7 @@ class AsyncOperations:
     ) -> models.JoinRequestList:
         """List the machines that asked, the newest first; not their codes, which they show."""
         return await self.call(
-            Call(method="GET", path="/join-requests", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/join-requests", query={"after": after, "limit": limit}),
             models.JoinRequestList,
         )
 
@@ -1621,7 +1687,7 @@ class AsyncOperations:
     ) -> models.JoinAdmission:
         """Make it a host, if the code is the one that it shows."""
         return await self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key),
+            ApiCall(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key),
             models.JoinAdmission,
         )
 
@@ -1630,7 +1696,7 @@ class AsyncOperations:
     ) -> models.JoinRequestRow:
         """Send it away; its key never asks again."""
         return await self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key),
+            ApiCall(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key),
             models.JoinRequestRow,
         )
 
@@ -1639,7 +1705,7 @@ class AsyncOperations:
     ) -> models.JoinTokenList:
         """List the tokens, without their secrets, which nobody has."""
         return await self.call(
-            Call(method="GET", path="/join-tokens", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/join-tokens", query={"after": after, "limit": limit}),
             models.JoinTokenList,
         )
 
@@ -1648,7 +1714,7 @@ class AsyncOperations:
     ) -> models.JoinTokenMade:
         """Make a token; this answer alone holds it."""
         return await self.call(
-            Call(method="POST", path="/join-tokens", body=body, key=key), models.JoinTokenMade
+            ApiCall(method="POST", path="/join-tokens", body=body, key=key), models.JoinTokenMade
         )
 
     async def delete_join_token(
@@ -1656,23 +1722,25 @@ class AsyncOperations:
     ) -> models.JoinTokenRow:
         """Take a token back that nobody has used."""
         return await self.call(
-            Call(method="DELETE", path=f"/join-tokens/{token_id}", key=key), models.JoinTokenRow
+            ApiCall(method="DELETE", path=f"/join-tokens/{token_id}", key=key), models.JoinTokenRow
         )
 
     async def get_lab(self) -> models.LabSummary:
         """Return the lab."""
-        return await self.call(Call(method="GET", path="/lab"), models.LabSummary)
+        return await self.call(ApiCall(method="GET", path="/lab"), models.LabSummary)
 
     async def get_lab_export(self, *, form: str | None = None) -> bytes:
         """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
-        return await self.call(Call(method="GET", path="/lab/export", query={"form": form}), bytes)
+        return await self.call(
+            ApiCall(method="GET", path="/lab/export", query={"form": form}), bytes
+        )
 
     async def post_lab_reset(
         self, body: models.Reason, *, key: str | None = None
     ) -> models.LabSummary:
         """Release the latch; starts nothing."""
         return await self.call(
-            Call(method="POST", path="/lab/reset", body=body, key=key), models.LabSummary
+            ApiCall(method="POST", path="/lab/reset", body=body, key=key), models.LabSummary
         )
 
     async def post_lab_stop(
@@ -1680,27 +1748,22 @@ class AsyncOperations:
     ) -> models.LabSummary:
         """Stop every device now and latch."""
         return await self.call(
-            Call(method="POST", path="/lab/stop", body=body, key=key), models.LabSummary
+            ApiCall(method="POST", path="/lab/stop", body=body, key=key), models.LabSummary
         )
 
     async def get_lots_export(self) -> bytes:
         """Return every lot with the vessels that it came into, as the import of lots reads it."""
-        return await self.call(Call(method="GET", path="/lots/export"), bytes)
+        return await self.call(ApiCall(method="GET", path="/lots/export"), bytes)
 
     async def get_lot_provenance(
-        self,
-        lot_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, lot_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/lots/{lot_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -1710,7 +1773,7 @@ class AsyncOperations:
     ) -> models.EventRow | models.HandOverAsked:
         """Carry it out at once; where two hosts have to agree, ask the first (202)."""
         return await self.call_either(
-            Call(method="POST", path="/operations", body=body, key=key),
+            ApiCall(method="POST", path="/operations", body=body, key=key),
             {201: models.EventRow, 202: models.HandOverAsked},
         )
 
@@ -1719,7 +1782,7 @@ class AsyncOperations:
     ) -> models.OperationFindings:
         """List every finding against an operation as things stand; change nothing."""
         return await self.call(
-            Call(method="POST", path="/operations/check", body=body, key=key),
+            ApiCall(method="POST", path="/operations/check", body=body, key=key),
             models.OperationFindings,
         )
 
@@ -1735,7 +1798,7 @@ class AsyncOperations:
     ) -> models.ReadingList:
         """List readings, newest file first; `resource`, `device`, `job` and `file` narrow it."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path="/readings",
                 query={
@@ -1755,7 +1818,7 @@ class AsyncOperations:
     ) -> models.DrawnSeries:
         """Return at most `points` points; `scan` says which of several spectra."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/readings/{reading_id}/points",
                 query={"points": points, "scan": scan},
@@ -1764,19 +1827,14 @@ class AsyncOperations:
         )
 
     async def get_reading_provenance(
-        self,
-        reading_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, reading_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/readings/{reading_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -1786,7 +1844,7 @@ class AsyncOperations:
     ) -> models.RecipeAdvice:
         """Return the fewest changes with which the recipe compiles, and the changed graph."""
         return await self.call(
-            Call(method="POST", path="/recipes/advise", body=body, key=key), models.RecipeAdvice
+            ApiCall(method="POST", path="/recipes/advise", body=body, key=key), models.RecipeAdvice
         )
 
     async def post_recipes_keep(
@@ -1794,7 +1852,7 @@ class AsyncOperations:
     ) -> models.KeptRecipe:
         """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
         return await self.call(
-            Call(method="POST", path="/recipes/keep", body=body, key=key), models.KeptRecipe
+            ApiCall(method="POST", path="/recipes/keep", body=body, key=key), models.KeptRecipe
         )
 
     async def post_recipes_open(
@@ -1802,7 +1860,7 @@ class AsyncOperations:
     ) -> models.RecipeOpening:
         """Read, bind, compile and prove a recipe; findings are an answer, no failure."""
         return await self.call(
-            Call(method="POST", path="/recipes/open", body=body, key=key), models.RecipeOpening
+            ApiCall(method="POST", path="/recipes/open", body=body, key=key), models.RecipeOpening
         )
 
     async def get_reservations(
@@ -1810,7 +1868,7 @@ class AsyncOperations:
     ) -> models.ReservationList:
         """List the reservations that hold now, of resources the caller may see, oldest first."""
         return await self.call(
-            Call(method="GET", path="/reservations", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/reservations", query={"after": after, "limit": limit}),
             models.ReservationList,
         )
 
@@ -1819,7 +1877,8 @@ class AsyncOperations:
     ) -> models.ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
         return await self.call(
-            Call(method="POST", path="/reservations", body=body, key=key), models.ReservationsMade
+            ApiCall(method="POST", path="/reservations", body=body, key=key),
+            models.ReservationsMade,
         )
 
     async def post_reservation_end(
@@ -1827,7 +1886,7 @@ class AsyncOperations:
     ) -> models.ReservationRow:
         """End it now; one that is over stays as it is."""
         return await self.call(
-            Call(method="POST", path=f"/reservations/{reservation_id}/end", body=body, key=key),
+            ApiCall(method="POST", path=f"/reservations/{reservation_id}/end", body=body, key=key),
             models.ReservationRow,
         )
 
@@ -1836,20 +1895,22 @@ class AsyncOperations:
     ) -> models.ResourceList:
         """List the resources the caller may see, in tree order; `at` shows them as they were."""
         return await self.call(
-            Call(method="GET", path="/resources", query={"after": after, "at": at, "limit": limit}),
+            ApiCall(
+                method="GET", path="/resources", query={"after": after, "at": at, "limit": limit}
+            ),
             models.ResourceList,
         )
 
     async def get_resources_contents(self, *, at: str | None = None) -> bytes:
         """Return a row for each lot in each vessel that the caller may see, now or `at` a time."""
         return await self.call(
-            Call(method="GET", path="/resources/contents", query={"at": at}), bytes
+            ApiCall(method="GET", path="/resources/contents", query={"at": at}), bytes
         )
 
-    async def get_resource(self, resource_id: str) -> models.ResourceView:
+    async def get_resource(self, resource_id: str) -> models.ResourceDetail:
         """Return a resource with what happened to it."""
         return await self.call(
-            Call(method="GET", path=f"/resources/{resource_id}"), models.ResourceView
+            ApiCall(method="GET", path=f"/resources/{resource_id}"), models.ResourceDetail
         )
 
     async def get_resource_conditions(
@@ -1862,7 +1923,7 @@ class AsyncOperations:
     ) -> models.ResourceConditions:
         """Return each stay in the device `device` from `since_s` to `until_s`."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/conditions",
                 query={"device": device, "since_s": since_s, "until_s": until_s},
@@ -1873,7 +1934,7 @@ class AsyncOperations:
     async def get_resource_custody(self, resource_id: str) -> models.CustodyDetail:
         """Tell its host, its move if there is one, what it is connected to, and who may act."""
         return await self.call(
-            Call(method="GET", path=f"/resources/{resource_id}/custody"), models.CustodyDetail
+            ApiCall(method="GET", path=f"/resources/{resource_id}/custody"), models.CustodyDetail
         )
 
     async def get_resource_events(
@@ -1881,7 +1942,7 @@ class AsyncOperations:
     ) -> models.EventList:
         """List its events, newest first; the `events_next` of the resource goes on here."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/events",
                 query={"after": after, "limit": limit},
@@ -1894,7 +1955,7 @@ class AsyncOperations:
     ) -> models.HandOverStanding:
         """Ask its host to let it go."""
         return await self.call(
-            Call(method="POST", path=f"/resources/{resource_id}/handover", body=body, key=key),
+            ApiCall(method="POST", path=f"/resources/{resource_id}/handover", body=body, key=key),
             models.HandOverStanding,
         )
 
@@ -1903,7 +1964,7 @@ class AsyncOperations:
     ) -> models.LineageGraph:
         """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/lineage",
                 query={"depth": depth, "direction": direction},
@@ -1912,19 +1973,14 @@ class AsyncOperations:
         )
 
     async def get_resource_provenance(
-        self,
-        resource_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, resource_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
@@ -1932,7 +1988,7 @@ class AsyncOperations:
     async def get_resource_reaction(self, resource_id: str) -> models.ReactionStock:
         """Tell whether the caller may, which lots it holds, and of which materials products are."""
         return await self.call(
-            Call(method="GET", path=f"/resources/{resource_id}/reaction"), models.ReactionStock
+            ApiCall(method="GET", path=f"/resources/{resource_id}/reaction"), models.ReactionStock
         )
 
     async def get_resource_reservations(
@@ -1940,7 +1996,7 @@ class AsyncOperations:
     ) -> models.ReservationsOfResource:
         """List the reservations of it and of what it stands in; may the caller reserve it?"""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/resources/{resource_id}/reservations",
                 query={"after": after, "limit": limit},
@@ -1951,7 +2007,7 @@ class AsyncOperations:
     async def get_resource_stock(self, resource_id: str) -> models.StockTaking:
         """Tell whether the caller may take stock of it now, and which lots it could hold."""
         return await self.call(
-            Call(method="GET", path=f"/resources/{resource_id}/stock"), models.StockTaking
+            ApiCall(method="GET", path=f"/resources/{resource_id}/stock"), models.StockTaking
         )
 
     async def get_runs(
@@ -1959,47 +2015,48 @@ class AsyncOperations:
     ) -> models.RunList:
         """List runs, newest first."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET", path="/runs", query={"after": after, "limit": limit, "state": state}
             ),
             models.RunList,
         )
 
-    async def post_runs(self, body: models.StartRun, *, key: str | None = None) -> models.RunView:
+    async def post_runs(self, body: models.StartRun, *, key: str | None = None) -> models.RunDetail:
         """Start a version, or ask for approval where a policy wants it."""
         return await self.call(
-            Call(method="POST", path="/runs", body=body, key=key), models.RunView
+            ApiCall(method="POST", path="/runs", body=body, key=key), models.RunDetail
         )
 
-    async def get_run(self, run_id: str) -> models.RunView:
+    async def get_run(self, run_id: str) -> models.RunDetail:
         """Return a run whole."""
-        return await self.call(Call(method="GET", path=f"/runs/{run_id}"), models.RunView)
+        return await self.call(ApiCall(method="GET", path=f"/runs/{run_id}"), models.RunDetail)
 
     async def post_run_abort(
         self, run_id: str, body: models.Reason, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Have the run end, and return it."""
         return await self.call(
-            Call(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key),
+            models.RunDetail,
         )
 
     async def get_run_crate(self, run_id: str) -> bytes:
         """Return a ZIP file: workflow version, plan, events, telemetry, readings, provenance."""
-        return await self.call(Call(method="GET", path=f"/runs/{run_id}/crate"), bytes)
+        return await self.call(ApiCall(method="GET", path=f"/runs/{run_id}/crate"), bytes)
 
     async def get_run_eln(self, run_id: str) -> bytes:
         """Return an .eln file: the crate of the run as one experiment."""
-        return await self.call(Call(method="GET", path=f"/runs/{run_id}/eln"), bytes)
+        return await self.call(ApiCall(method="GET", path=f"/runs/{run_id}/eln"), bytes)
 
     async def get_run_events(
         self, run_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> models.RunEventList:
+    ) -> models.EventList:
         """List what the run's transactions did, newest first."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET", path=f"/runs/{run_id}/events", query={"after": after, "limit": limit}
             ),
-            models.RunEventList,
+            models.EventList,
         )
 
     async def get_run_log(
@@ -2007,80 +2064,78 @@ class AsyncOperations:
     ) -> models.RunLogPage:
         """List host events of the run's actions, oldest first."""
         return await self.call(
-            Call(method="GET", path=f"/runs/{run_id}/log", query={"after": after, "limit": limit}),
+            ApiCall(
+                method="GET", path=f"/runs/{run_id}/log", query={"after": after, "limit": limit}
+            ),
             models.RunLogPage,
         )
 
-    async def post_run_pause(self, run_id: str, *, key: str | None = None) -> models.RunView:
+    async def post_run_pause(self, run_id: str, *, key: str | None = None) -> models.RunDetail:
         """Let nothing more of the run begin, and return it."""
         return await self.call(
-            Call(method="POST", path=f"/runs/{run_id}/pause", key=key), models.RunView
+            ApiCall(method="POST", path=f"/runs/{run_id}/pause", key=key), models.RunDetail
         )
 
     async def get_run_provenance(
-        self,
-        run_id: str,
-        *,
-        depth: int | None = None,
-        direction: str | None = None,
-        form: str | None = None,
+        self, run_id: str, *, depth: int | None = None, direction: str | None = None
     ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/runs/{run_id}/provenance",
-                query={"depth": depth, "direction": direction, "form": form},
+                query={"depth": depth, "direction": direction},
             ),
             models.ProvenanceGraph,
         )
 
-    async def get_run_report(self, run_id: str) -> models.RunReportPage:
+    async def get_run_report(self, run_id: str) -> models.RunReport:
         """Return masses by account, yields by product, and readings that are series."""
         return await self.call(
-            Call(method="GET", path=f"/runs/{run_id}/report"), models.RunReportPage
+            ApiCall(method="GET", path=f"/runs/{run_id}/report"), models.RunReport
         )
 
     async def post_run_resume(
         self, run_id: str, body: models.Resume, *, key: str | None = None
-    ) -> models.RunView:
+    ) -> models.RunDetail:
         """Let the run go on, and return it."""
         return await self.call(
-            Call(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key), models.RunView
+            ApiCall(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key),
+            models.RunDetail,
         )
 
     async def get_search(self, *, q: str | None = None) -> models.SearchHits:
         """Return resources, devices, runs, workflows and lots whose name has the text."""
         return await self.call(
-            Call(method="GET", path="/search", query={"q": q}), models.SearchHits
+            ApiCall(method="GET", path="/search", query={"q": q}), models.SearchHits
         )
 
     async def get_session(self) -> models.OpenSession:
         """Tell who is signed in, and set the CSRF cookie."""
-        return await self.call(Call(method="GET", path="/session"), models.OpenSession)
+        return await self.call(ApiCall(method="GET", path="/session"), models.OpenSession)
 
     async def post_session(
         self, body: models.Credentials, *, key: str | None = None
     ) -> models.OpenSession:
         """Sign in; whoever fails five times at a name from one place waits there five minutes."""
         return await self.call(
-            Call(method="POST", path="/session", body=body, key=key), models.OpenSession
+            ApiCall(method="POST", path="/session", body=body, key=key), models.OpenSession
         )
 
     async def delete_session(self, *, key: str | None = None) -> None:
         """Sign out."""
-        return await self.call(Call(method="DELETE", path="/session", key=key), type(None))
+        return await self.call(ApiCall(method="DELETE", path="/session", key=key), type(None))
 
     async def post_session_awake(self, *, key: str | None = None) -> None:
         """Note that the person who is signed in has used the page."""
-        return await self.call(Call(method="POST", path="/session/awake", key=key), type(None))
+        return await self.call(ApiCall(method="POST", path="/session/awake", key=key), type(None))
 
     async def post_session_confirm(
         self, body: models.Again, *, key: str | None = None
     ) -> models.PasswordConfirmed:
         """Take the password; acts are signed with it for five minutes."""
         return await self.call(
-            Call(method="POST", path="/session/confirm", body=body, key=key),
+            ApiCall(method="POST", path="/session/confirm", body=body, key=key),
             models.PasswordConfirmed,
         )
 
@@ -2089,24 +2144,26 @@ class AsyncOperations:
     ) -> models.OpenSession:
         """Choose a new one; every other session of the caller ends."""
         return await self.call(
-            Call(method="POST", path="/session/password", body=body, key=key), models.OpenSession
+            ApiCall(method="POST", path="/session/password", body=body, key=key), models.OpenSession
         )
 
     async def get_steps(self) -> models.StepPalette:
         """Return unit operations, device actions and the units a person may write."""
-        return await self.call(Call(method="GET", path="/steps"), models.StepPalette)
+        return await self.call(ApiCall(method="GET", path="/steps"), models.StepPalette)
 
-    async def get_ticket(self, ticket_id: str) -> models.TicketView:
+    async def get_ticket(self, ticket_id: str) -> models.TicketDetail:
         """Return a ticket with the resources and the host it concerns."""
-        return await self.call(Call(method="GET", path=f"/tickets/{ticket_id}"), models.TicketView)
+        return await self.call(
+            ApiCall(method="GET", path=f"/tickets/{ticket_id}"), models.TicketDetail
+        )
 
     async def post_ticket_close(
         self, ticket_id: str, body: models.Closing, *, key: str | None = None
-    ) -> models.TicketView:
+    ) -> models.TicketDetail:
         """Close a ticket that a person has looked into; the reason is kept."""
         return await self.call(
-            Call(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key),
-            models.TicketView,
+            ApiCall(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key),
+            models.TicketDetail,
         )
 
     async def get_tokens(
@@ -2114,7 +2171,7 @@ class AsyncOperations:
     ) -> models.AccessTokenList:
         """List the caller's tokens, those too that are valid no longer; an admin may see all."""
         return await self.call(
-            Call(method="GET", path="/tokens", query={"after": after, "limit": limit, "of": of}),
+            ApiCall(method="GET", path="/tokens", query={"after": after, "limit": limit, "of": of}),
             models.AccessTokenList,
         )
 
@@ -2123,19 +2180,19 @@ class AsyncOperations:
     ) -> models.NewAccessToken:
         """Make a token; its secret is in this answer alone."""
         return await self.call(
-            Call(method="POST", path="/tokens", body=body, key=key), models.NewAccessToken
+            ApiCall(method="POST", path="/tokens", body=body, key=key), models.NewAccessToken
         )
 
     async def delete_token(self, access_id: str, *, key: str | None = None) -> None:
         """Revoke it: from now on it opens nothing, and what was started with it goes on."""
         return await self.call(
-            Call(method="DELETE", path=f"/tokens/{access_id}", key=key), type(None)
+            ApiCall(method="DELETE", path=f"/tokens/{access_id}", key=key), type(None)
         )
 
     async def get_tryout(self, tryout_id: str) -> models.TryoutDetail:
         """Return a tryout with its wishes, statuses, faults and the bytes on its line."""
         return await self.call(
-            Call(method="GET", path=f"/tryouts/{tryout_id}"), models.TryoutDetail
+            ApiCall(method="GET", path=f"/tryouts/{tryout_id}"), models.TryoutDetail
         )
 
     async def post_tryout_wishes(
@@ -2143,29 +2200,29 @@ class AsyncOperations:
     ) -> models.TryoutActRow:
         """Have it act, read, stop, take a fault, lose all faults, or end."""
         return await self.call(
-            Call(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key),
+            ApiCall(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key),
             models.TryoutActRow,
         )
 
     async def get_twin(self) -> models.TwinState:
         """Return the twin's state; online means that it answers and that it shows now."""
-        return await self.call(Call(method="GET", path="/twin"), models.TwinState)
+        return await self.call(ApiCall(method="GET", path="/twin"), models.TwinState)
 
     async def get_workflows(
         self, *, after: str | None = None, limit: int | None = None
     ) -> models.WorkflowOverviewList:
         """List workflows, templates first, then the newest."""
         return await self.call(
-            Call(method="GET", path="/workflows", query={"after": after, "limit": limit}),
+            ApiCall(method="GET", path="/workflows", query={"after": after, "limit": limit}),
             models.WorkflowOverviewList,
         )
 
     async def post_workflows(
         self, body: models.NewWorkflow, *, key: str | None = None
-    ) -> models.WorkflowWhole:
+    ) -> models.WorkflowDetail:
         """Create a workflow."""
         return await self.call(
-            Call(method="POST", path="/workflows", body=body, key=key), models.WorkflowWhole
+            ApiCall(method="POST", path="/workflows", body=body, key=key), models.WorkflowDetail
         )
 
     async def post_workflows_check(
@@ -2173,13 +2230,14 @@ class AsyncOperations:
     ) -> models.WorkflowCheck:
         """Compile a document against the lab as it is; findings are an answer, no failure."""
         return await self.call(
-            Call(method="POST", path="/workflows/check", body=body, key=key), models.WorkflowCheck
+            ApiCall(method="POST", path="/workflows/check", body=body, key=key),
+            models.WorkflowCheck,
         )
 
-    async def get_workflow(self, workflow_id: str) -> models.WorkflowWhole:
+    async def get_workflow(self, workflow_id: str) -> models.WorkflowDetail:
         """Return a workflow with its draft and versions."""
         return await self.call(
-            Call(method="GET", path=f"/workflows/{workflow_id}"), models.WorkflowWhole
+            ApiCall(method="GET", path=f"/workflows/{workflow_id}"), models.WorkflowDetail
         )
 
     async def put_workflow_draft(
@@ -2187,7 +2245,7 @@ class AsyncOperations:
     ) -> models.DraftSaved:
         """Save the draft over the revision the caller saw."""
         return await self.call(
-            Call(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key),
+            ApiCall(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key),
             models.DraftSaved,
         )
 
@@ -2196,7 +2254,7 @@ class AsyncOperations:
     ) -> models.VersionList:
         """List versions without their documents, the newest first."""
         return await self.call(
-            Call(
+            ApiCall(
                 method="GET",
                 path=f"/workflows/{workflow_id}/versions",
                 query={"after": after, "limit": limit},
@@ -2209,13 +2267,78 @@ class AsyncOperations:
     ) -> models.VersionRow:
         """Freeze the draft as a version."""
         return await self.call(
-            Call(method="POST", path=f"/workflows/{workflow_id}/versions", body=body, key=key),
+            ApiCall(method="POST", path=f"/workflows/{workflow_id}/versions", body=body, key=key),
             models.VersionRow,
         )
 
-    async def get_workflow_version(self, workflow_id: str, number: str) -> models.VersionView:
+    async def get_workflow_version(self, workflow_id: str, number: str) -> models.VersionDetail:
         """Return a version with its document."""
         return await self.call(
-            Call(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"),
-            models.VersionView,
+            ApiCall(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"),
+            models.VersionDetail,
+        )
+
+    async def get_file_provenance_document(
+        self, file_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return await self.call(
+            ApiCall(
+                method="GET",
+                path=f"/files/{file_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    async def get_lot_provenance_document(
+        self, lot_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return await self.call(
+            ApiCall(
+                method="GET",
+                path=f"/lots/{lot_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    async def get_reading_provenance_document(
+        self, reading_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return await self.call(
+            ApiCall(
+                method="GET",
+                path=f"/readings/{reading_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    async def get_resource_provenance_document(
+        self, resource_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return await self.call(
+            ApiCall(
+                method="GET",
+                path=f"/resources/{resource_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
+        )
+
+    async def get_run_provenance_document(
+        self, run_id: str, *, depth: int | None = None, direction: str | None = None
+    ) -> bytes:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        return await self.call(
+            ApiCall(
+                method="GET",
+                path=f"/runs/{run_id}/provenance",
+                query={"depth": depth, "direction": direction, "form": "prov"},
+            ),
+            bytes,
         )

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("labweb", "drivers", "workers", "twin", "fixtures", "deploy")
+PACKAGES = ("labweb", "labweb_client", "drivers", "workers", "twin", "fixtures", "deploy")
 
 
 @cache

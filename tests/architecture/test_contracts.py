@@ -54,6 +54,7 @@ FORBIDDEN_IMPORTS = [
     ("simulators", "fixtures/instruments/mutant.py", "drivers.base"),
     ("simulators", "fixtures/instruments/mutant.py", "labweb.domain.errors"),
     ("supervisor", "deploy/embedded/mutant.py", "labweb.domain.errors"),
+    ("client", "labweb_client/mutant.py", "labweb.domain.errors"),
 ]
 
 ALLOWED_IMPORTS = [

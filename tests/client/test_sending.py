@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from labweb_client import Client, RefusedError, UnansweredError
+from labweb_client import CallRefusedError, CallUnansweredError, LabClient
 from labweb_client.generated import models
 from labweb_client.sending import wait_s
 
@@ -63,7 +63,7 @@ PAGE: dict[str, Any] = {"tokens": [], "next": None}
 def test_what_is_not_answered_is_sent_again_with_the_same_key() -> None:
     with (
         serving([DROPPED, (503, REFUSED, {"Retry-After": "0"}), (204, None, {})]) as (url, heard),
-        Client(url, "labweb_x") as lab,
+        LabClient(url, "labweb_x") as lab,
     ):
         lab.delete_token("t1")
     assert [method for method, _, _ in heard] == ["DELETE"] * 3
@@ -72,7 +72,7 @@ def test_what_is_not_answered_is_sent_again_with_the_same_key() -> None:
 
 
 def test_two_wishes_have_two_keys_and_a_given_key_is_kept() -> None:
-    with serving([(204, None, {})] * 3) as (url, heard), Client(url, "labweb_x") as lab:
+    with serving([(204, None, {})] * 3) as (url, heard), LabClient(url, "labweb_x") as lab:
         lab.delete_token("t1")
         lab.delete_token("t1")
         lab.delete_token("t1", key="my-own-key")
@@ -84,8 +84,8 @@ def test_two_wishes_have_two_keys_and_a_given_key_is_kept() -> None:
 def test_a_refusal_is_the_last_word() -> None:
     with (
         serving([(403, REFUSED, {})]) as (url, heard),
-        Client(url, "labweb_x") as lab,
-        pytest.raises(RefusedError) as refused,
+        LabClient(url, "labweb_x") as lab,
+        pytest.raises(CallRefusedError) as refused,
     ):
         lab.post_workflows(models.NewWorkflow(name="x"))
     assert (refused.value.status, refused.value.code) == (403, "token.scope")
@@ -95,8 +95,8 @@ def test_a_refusal_is_the_last_word() -> None:
 def test_who_never_answers_is_given_up() -> None:
     with (
         serving([DROPPED] * 2) as (url, heard),
-        Client(url, "labweb_x", attempts_count=2) as lab,
-        pytest.raises(UnansweredError),
+        LabClient(url, "labweb_x", attempts_count=2) as lab,
+        pytest.raises(CallUnansweredError),
     ):
         lab.delete_token("t1")
     assert len(heard) == 2
@@ -104,7 +104,7 @@ def test_who_never_answers_is_given_up() -> None:
 
 def test_a_list_is_read_to_its_end() -> None:
     more: dict[str, Any] = {"tokens": [], "next": "cursor 2"}
-    with serving([(200, more, {}), (200, PAGE, {})]) as (url, heard), Client(url, "x") as lab:
+    with serving([(200, more, {}), (200, PAGE, {})]) as (url, heard), LabClient(url, "x") as lab:
         assert len(list(lab.pages(lab.get_tokens, of="all"))) == 2
     assert [path for _, path, _ in heard] == [
         "/api/v1/tokens?of=all",
@@ -136,3 +136,33 @@ def test_the_server_says_how_long_to_wait() -> None:
     assert wait_s(1, 429, "soon", b"") == 0.25
     waits = [wait_s(attempt, 0, None, b"") for attempt in (1, 2, 3)]
     assert waits == [0.25, 0.5, 1.0]
+
+
+@pytest.mark.parametrize("url", ["", "lab.example.org", "ftp://lab", "http://lab.example.org"])
+def test_an_address_that_gives_the_token_away_is_refused(url: str) -> None:
+    with pytest.raises(ValueError, match=r"address|unencrypted"):
+        LabClient(url, "labweb_x")
+    LabClient("http://lab.example.org", "labweb_x", is_plain_allowed=True)
+
+
+def test_what_may_have_been_carried_out_is_sent_again_with_its_key() -> None:
+    busy: Reply = (409, {"code": "http.in_progress", "message": ""}, {})
+    with (
+        serving([busy] * 2) as (url, heard),
+        LabClient(url, "labweb_x", attempts_count=2) as lab,
+        pytest.raises(CallUnansweredError) as unanswered,
+    ):
+        lab.delete_token("t1")
+    assert unanswered.value.key == heard[0][2]
+    with (
+        serving([DROPPED, (503, REFUSED, {})]) as (url, _),
+        LabClient(url, "labweb_x", attempts_count=2) as lab,
+        pytest.raises(CallUnansweredError),
+    ):
+        lab.delete_token("t1")
+    with (
+        serving([(503, REFUSED, {})] * 2) as (url, _),
+        LabClient(url, "labweb_x", attempts_count=2) as lab,
+        pytest.raises(CallRefusedError),
+    ):
+        lab.delete_token("t1")

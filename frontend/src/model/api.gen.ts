@@ -1878,6 +1878,15 @@ export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
         /**
+         * AccessScope
+         * @description How far an access token reaches: each scope holds all before it.
+         *
+         *         A token never does more than its owner may, and no token approves, answers a doubt, releases
+         *         the lab, admits anything, or signs: for that a person signs in.
+         * @enum {unknown}
+         */
+        AccessScope: "draft" | "read" | "simulate" | "submit";
+        /**
          * AccessTokenList
          * @description A page of access tokens, the latest first.
          */
@@ -1894,7 +1903,7 @@ export interface components {
             id: string;
             name: string;
             owner: string;
-            scope: components["schemas"]["Scope"];
+            scope: components["schemas"]["AccessScope"];
             created_at: string;
             expires_at: string;
             revoked_at: string | null;
@@ -1924,6 +1933,13 @@ export interface components {
             password: string;
         };
         /**
+         * ApprovalAsker
+         * @description Who asked for an approval.
+         */
+        ApprovalAsker: {
+            name: string;
+        };
+        /**
          * ApprovalDetail
          * @description A request with the exact plan, or the result, that it is about.
          */
@@ -1935,10 +1951,10 @@ export interface components {
             state: "approved" | "expired" | "open" | "rejected" | "withdrawn";
             /** @enum {unknown} */
             about: "calibration" | "run";
-            run: components["schemas"]["RunLabel"];
+            run: components["schemas"]["NumberedRef"];
             workflow: components["schemas"]["RunWorkflow"];
             policies: string[];
-            asked_by: components["schemas"]["Asker"];
+            asked_by: components["schemas"]["ApprovalAsker"];
             asked_at: string;
             expires_at: string;
             plan_digest: string;
@@ -1969,23 +1985,16 @@ export interface components {
             state: "approved" | "expired" | "open" | "rejected" | "withdrawn";
             /** @enum {unknown} */
             about: "calibration" | "run";
-            run: components["schemas"]["RunLabel"];
+            run: components["schemas"]["NumberedRef"];
             workflow: components["schemas"]["RunWorkflow"];
             policies: string[];
-            asked_by: components["schemas"]["Asker"];
+            asked_by: components["schemas"]["ApprovalAsker"];
             asked_at: string;
             expires_at: string;
             plan_digest: string;
             can_decide: boolean;
             why_not: string | null;
             decision: components["schemas"]["DecisionMade"] | null;
-        };
-        /**
-         * Asker
-         * @description Who asked for an approval.
-         */
-        Asker: {
-            name: string;
         };
         /**
          * Bond
@@ -2002,15 +2011,6 @@ export interface components {
             source_id: string;
             standard: string;
             reference: components["schemas"]["Reference"];
-        };
-        /**
-         * CalibratedDevice
-         * @description The device that a calibration is of.
-         */
-        CalibratedDevice: {
-            /** Format: uuid */
-            id: string;
-            name: string;
         };
         /**
          * CalibratedQuantity
@@ -2030,7 +2030,7 @@ export interface components {
          * @description What a decision changes: the calibration that holds now, and the one that waits.
          */
         CalibrationChange: {
-            device: components["schemas"]["CalibratedDevice"];
+            device: components["schemas"]["NamedRef"];
             quantity: components["schemas"]["Quantity"];
             unit: string;
             is_relative: boolean;
@@ -2208,15 +2208,6 @@ export interface components {
             devices: components["schemas"]["ChosenDriver"][];
         };
         /**
-         * ClaimedHost
-         * @description The host that a machine says it is, with another key.
-         */
-        ClaimedHost: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-        };
-        /**
          * Closing
          * @description Why a ticket may be closed.
          */
@@ -2374,20 +2365,11 @@ export interface components {
          * @description Which host writes a vessel's facts, and the move that it is on.
          */
         CustodyDetail: {
-            host: components["schemas"]["CustodyHost"] | null;
+            host: components["schemas"]["NamedRef"] | null;
             move: components["schemas"]["CustodyMove"] | null;
             connections: components["schemas"]["CustodyConnection"][];
             is_allowed: boolean;
             places: components["schemas"]["PlaceChoice"][];
-        };
-        /**
-         * CustodyHost
-         * @description An edge host that writes a vessel's facts, or will.
-         */
-        CustodyHost: {
-            /** Format: uuid */
-            id: string;
-            name: string;
         };
         /**
          * CustodyMove
@@ -2397,22 +2379,13 @@ export interface components {
             /** Format: uuid */
             id: string;
             state: components["schemas"]["CustodyState"];
-            from: components["schemas"]["CustodyHost"] | null;
-            to: components["schemas"]["CustodyHost"] | null;
-            place: components["schemas"]["CustodyPlace"] | null;
+            from: components["schemas"]["NamedRef"] | null;
+            to: components["schemas"]["NamedRef"] | null;
+            place: components["schemas"]["NamedRef"] | null;
             asked_by: string | null;
             asked_at: string;
             released_at: string | null;
             is_told: boolean;
-        };
-        /**
-         * CustodyPlace
-         * @description The place that a vessel is carried to.
-         */
-        CustodyPlace: {
-            /** Format: uuid */
-            id: string;
-            name: string;
         };
         /**
          * CustodyState
@@ -2504,7 +2477,7 @@ export interface components {
             name: string;
             role: string;
             kind_label: string;
-            host: components["schemas"]["DeviceHost"];
+            host: components["schemas"]["NamedRef"];
             state: string;
             /** @enum {unknown} */
             link: "not_enrolled" | "offline" | "online" | "quarantined" | "stale";
@@ -2512,20 +2485,20 @@ export interface components {
             halt: components["schemas"]["DeviceHaltRow"] | null;
             job: components["schemas"]["DeviceJob"] | null;
             readings: components["schemas"]["DeviceReading"][];
-            driver: components["schemas"]["DeviceDriver"];
+            driver: components["schemas"]["DeviceDriverUse"];
             actions: components["schemas"]["DeviceAction"][];
             shows_itself: boolean;
             statuses: components["schemas"]["DeviceStatus"][];
             config: Record<string, unknown>;
-            nodes: components["schemas"]["DeviceNode"][];
+            nodes: components["schemas"]["DevicePart"][];
             transport: string;
             photo: components["schemas"]["PhotoRow"] | null;
         };
         /**
-         * DeviceDriver
+         * DeviceDriverUse
          * @description The driver of a device, and what became of its versions.
          */
-        DeviceDriver: {
+        DeviceDriverUse: {
             class_name: string;
             digest: string;
             protocol: string;
@@ -2544,22 +2517,13 @@ export interface components {
         DeviceHaltRow: {
             /** Format: uuid */
             id: string;
-            device: components["schemas"]["RunDevice"];
+            device: components["schemas"]["NamedRef"];
             state: components["schemas"]["HaltState"];
             message: string;
             at: string;
             ended_at: string | null;
-            run: components["schemas"]["RunLabel"] | null;
+            run: components["schemas"]["NumberedRef"] | null;
             by: string | null;
-        };
-        /**
-         * DeviceHost
-         * @description The host of a device.
-         */
-        DeviceHost: {
-            /** Format: uuid */
-            id: string;
-            name: string;
         };
         /**
          * DeviceJob
@@ -2583,10 +2547,10 @@ export interface components {
             next: string | null;
         };
         /**
-         * DeviceNode
+         * DevicePart
          * @description A resource that is a part of a device.
          */
-        DeviceNode: {
+        DevicePart: {
             role: string;
             /** Format: uuid */
             id: string;
@@ -2616,7 +2580,7 @@ export interface components {
             name: string;
             role: string;
             kind_label: string;
-            host: components["schemas"]["DeviceHost"];
+            host: components["schemas"]["NamedRef"];
             state: string;
             /** @enum {unknown} */
             link: "not_enrolled" | "offline" | "online" | "quarantined" | "stale";
@@ -2832,7 +2796,7 @@ export interface components {
             approved_by: string | null;
             approved_at: string | null;
             read_at: string;
-            devices: components["schemas"]["DriverDevice"][];
+            devices: components["schemas"]["KeyedRef"][];
             can: components["schemas"]["DriverRights"];
             sources: {
                 [key: string]: string;
@@ -2847,16 +2811,6 @@ export interface components {
             request: components["schemas"]["DriverRequest"] | null;
             places: components["schemas"]["DriverPlace"][];
             tried: components["schemas"]["Tried"];
-        };
-        /**
-         * DriverDevice
-         * @description A device that has a version.
-         */
-        DriverDevice: {
-            /** Format: uuid */
-            id: string;
-            key: string;
-            name: string;
         };
         /**
          * DriverHost
@@ -2887,6 +2841,15 @@ export interface components {
         DriverList: {
             drivers: components["schemas"]["DriverRow"][];
             next: string | null;
+        };
+        /**
+         * DriverPartChanges
+         * @description What a version makes of the parts of a device.
+         */
+        DriverPartChanges: {
+            decision: string;
+            changes: components["schemas"]["Finding"][];
+            findings: components["schemas"]["Finding"][];
         };
         /**
          * DriverPlace
@@ -2976,7 +2939,7 @@ export interface components {
             approved_by: string | null;
             approved_at: string | null;
             read_at: string;
-            devices: components["schemas"]["DriverDevice"][];
+            devices: components["schemas"]["KeyedRef"][];
             can: components["schemas"]["DriverRights"];
         };
         /**
@@ -3061,16 +3024,7 @@ export interface components {
             /** Format: uuid */
             transaction_id: string;
             resolved: components["schemas"]["DoubtEnd"] | null;
-            run?: components["schemas"]["EventRun"] | null;
-        };
-        /**
-         * EventRun
-         * @description The run that an event belongs to.
-         */
-        EventRun: {
-            /** Format: uuid */
-            id: string;
-            number: number;
+            run?: components["schemas"]["NumberedRef"] | null;
         };
         /**
          * EventSubjectRow
@@ -3101,6 +3055,32 @@ export interface components {
             job_id: string | null;
         };
         /**
+         * FileDetail
+         * @description A file with what was read from it.
+         */
+        FileDetail: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            media_type: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            made_from_id: string | null;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            kept_by: string;
+            kept_at: string;
+            resource: components["schemas"]["NamedRef"] | null;
+            device: components["schemas"]["NamedRef"] | null;
+            job: components["schemas"]["FileJob"] | null;
+            facts: Record<string, unknown>;
+            readings: components["schemas"]["ReadingRow"][];
+            series: components["schemas"]["KeptFile"][];
+            readings_count: number;
+        };
+        /**
          * FileJob
          * @description The job that a file came from.
          */
@@ -3109,7 +3089,7 @@ export interface components {
             id: string;
             index: number;
             sentence: string;
-            run: components["schemas"]["FileRun"];
+            run: components["schemas"]["NumberedRef"];
         };
         /**
          * FileList
@@ -3137,53 +3117,9 @@ export interface components {
             job_id: string | null;
             kept_by: string;
             kept_at: string;
-            resource: components["schemas"]["FileSubject"] | null;
-            device: components["schemas"]["FileSubject"] | null;
+            resource: components["schemas"]["NamedRef"] | null;
+            device: components["schemas"]["NamedRef"] | null;
             job: components["schemas"]["FileJob"] | null;
-        };
-        /**
-         * FileRun
-         * @description The run of the job that a file came from.
-         */
-        FileRun: {
-            /** Format: uuid */
-            id: string;
-            number: number;
-        };
-        /**
-         * FileSubject
-         * @description A resource or a device that a file is about.
-         */
-        FileSubject: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-        };
-        /**
-         * FileWithReadings
-         * @description A file with what was read from it.
-         */
-        FileWithReadings: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-            media_type: string;
-            format: string;
-            size_bytes: number;
-            sha256: string;
-            made_from_id: string | null;
-            resource_id: string | null;
-            device_id: string | null;
-            job_id: string | null;
-            kept_by: string;
-            kept_at: string;
-            resource: components["schemas"]["FileSubject"] | null;
-            device: components["schemas"]["FileSubject"] | null;
-            job: components["schemas"]["FileJob"] | null;
-            facts: Record<string, unknown>;
-            readings: components["schemas"]["ReadingRow"][];
-            series: components["schemas"]["KeptFile"][];
-            readings_count: number;
         };
         /**
          * Finding
@@ -3195,15 +3131,6 @@ export interface components {
             /** @default  */
             subject: string;
             context?: Record<string, unknown>;
-        };
-        /**
-         * GivenUp
-         * @description Who aborted a run, when and why.
-         */
-        GivenUp: {
-            by: string;
-            at: string;
-            reason: string;
         };
         /**
          * HaltState
@@ -3237,11 +3164,27 @@ export interface components {
             state: components["schemas"]["CustodyState"];
         };
         /**
+         * HomeNeed
+         * @description One thing that needs a person.
+         */
+        HomeNeed: {
+            /** @enum {unknown} */
+            kind: "approval" | "asks" | "candidate" | "disk" | "halt_owed" | "in_doubt" | "paused" | "quarantined" | "silent" | "stopped" | "ticket";
+            title: string;
+            detail: string;
+            since_at: string | null;
+            url: string;
+            verb: string;
+            run_id: string | null;
+            job_id: string | null;
+            request_id: string | null;
+        };
+        /**
          * HomePage
          * @description What a person sees first.
          */
         HomePage: {
-            needs_you: components["schemas"]["Need"][];
+            needs_you: components["schemas"]["HomeNeed"][];
             running: components["schemas"]["RunRow"][];
             last_results: components["schemas"]["RunRow"][];
             workflows: components["schemas"]["WorkflowOverview"][];
@@ -3458,16 +3401,6 @@ export interface components {
             confirmed_at: string | null;
         };
         /**
-         * JobDevice
-         * @description The device of a job.
-         */
-        JobDevice: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-            key: string;
-        };
-        /**
          * JobFile
          * @description A file that a job of a run has measured, whether its bytes are here or not.
          */
@@ -3513,7 +3446,7 @@ export interface components {
             index: number;
             step_id: string;
             sentence: string;
-            device: components["schemas"]["JobDevice"];
+            device: components["schemas"]["KeyedRef"];
             choices_count: number;
             chosen: string | null;
             action: string;
@@ -3562,7 +3495,7 @@ export interface components {
          * @description A machine was admitted.
          */
         JoinAdmission: {
-            host: components["schemas"]["JoinedHost"];
+            host: components["schemas"]["KeyedRef"];
         };
         /**
          * JoinRequestList
@@ -3588,7 +3521,7 @@ export interface components {
             state: "admitted" | "expired" | "rejected" | "waiting";
             reason: string;
             host_id: string | null;
-            claims_to_be: components["schemas"]["ClaimedHost"] | null;
+            claims_to_be: components["schemas"]["NamedRef"] | null;
         };
         /**
          * JoinTokenList
@@ -3629,16 +3562,6 @@ export interface components {
             withdrawn_at: string | null;
             /** @enum {unknown} */
             state: "expired" | "open" | "used" | "withdrawn";
-        };
-        /**
-         * JoinedHost
-         * @description The host that a machine has become.
-         */
-        JoinedHost: {
-            /** Format: uuid */
-            id: string;
-            key: string;
-            name: string;
         };
         /**
          * Kept
@@ -3705,6 +3628,16 @@ export interface components {
             version: components["schemas"]["VersionRow"];
         };
         /**
+         * KeyedRef
+         * @description A thing by its id, its name, and the key that files and documents call it by.
+         */
+        KeyedRef: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            key: string;
+        };
+        /**
          * Kind
          * @description What PROV has.
          * @enum {unknown}
@@ -3750,8 +3683,7 @@ export interface components {
             id: string;
             key: string;
             name: string;
-            /** @enum {unknown} */
-            mode: "live" | "sim";
+            mode: components["schemas"]["Mode"];
             time_zone: string;
             speed: number;
             stop: components["schemas"]["LabStop"];
@@ -3768,15 +3700,6 @@ export interface components {
             state: components["schemas"]["RunState"];
             ended_at: string | null;
             waits_for: components["schemas"]["Wait"] | null;
-        };
-        /**
-         * LatestVersion
-         * @description The newest version of a workflow.
-         */
-        LatestVersion: {
-            /** Format: uuid */
-            id: string;
-            number: number;
         };
         /**
          * LevelResult
@@ -3872,7 +3795,7 @@ export interface components {
          */
         MakeAccessToken: {
             name: string;
-            scope: components["schemas"]["Scope"];
+            scope: components["schemas"]["AccessScope"];
             days: number;
         };
         /**
@@ -3917,6 +3840,12 @@ export interface components {
          */
         Medium: "communication" | "electrical" | "gas" | "liquid" | "mechanical" | "other" | "thermal" | "transport" | "vacuum";
         /**
+         * Mode
+         * @description Whether the devices of a lab are real. The two never mix in one lab.
+         * @enum {unknown}
+         */
+        Mode: "live" | "sim";
+        /**
          * ModuleChange
          * @description One module that is not the same in both versions.
          */
@@ -3929,27 +3858,20 @@ export interface components {
             hunks: components["schemas"]["ChangedLine"][][];
         };
         /**
+         * NamedRef
+         * @description A thing by its id, with the name that a person knows it by.
+         */
+        NamedRef: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
          * Nature
          * @description What a resource can do: act, hold, or both.
          * @enum {unknown}
          */
         Nature: "action" | "action_resource" | "resource";
-        /**
-         * Need
-         * @description One thing that needs a person.
-         */
-        Need: {
-            /** @enum {unknown} */
-            kind: "approval" | "asks" | "candidate" | "disk" | "halt_owed" | "in_doubt" | "paused" | "quarantined" | "silent" | "stopped" | "ticket";
-            title: string;
-            detail: string;
-            since_at: string | null;
-            url: string;
-            verb: string;
-            run_id: string | null;
-            job_id: string | null;
-            request_id: string | null;
-        };
         /**
          * NewAccessToken
          * @description An access token that was just made.
@@ -3994,6 +3916,15 @@ export interface components {
          * @description Body of an act that takes no arguments.
          */
         Nothing: Record<string, unknown>;
+        /**
+         * NumberedRef
+         * @description A run or a version by its id, with the number that a person knows it by.
+         */
+        NumberedRef: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+        };
         /**
          * OpenSession
          * @description Who is signed in, and the lab as every page shows it.
@@ -4063,15 +3994,6 @@ export interface components {
             roles: string[];
             state: string;
             actions: components["schemas"]["DeviceAction"][];
-        };
-        /**
-         * PartChanges
-         * @description What a version makes of the parts of a device.
-         */
-        PartChanges: {
-            decision: string;
-            changes: components["schemas"]["Finding"][];
-            findings: components["schemas"]["Finding"][];
         };
         /**
          * PasswordConfirmed
@@ -4153,7 +4075,7 @@ export interface components {
             index: number;
             step_id: string;
             sentence: string;
-            device: components["schemas"]["RunDevice"];
+            device: components["schemas"]["NamedRef"];
             choices_count: number;
             action: string;
             args: Record<string, unknown>;
@@ -4232,15 +4154,6 @@ export interface components {
             purity: string;
         };
         /**
-         * ProductPlace
-         * @description A vessel in which a product stands now.
-         */
-        ProductPlace: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-        };
-        /**
          * ProductYield
          * @description What came of a chain of reactions, on the lot that limits the first of them.
          */
@@ -4255,7 +4168,7 @@ export interface components {
             isolated_umol: number | null;
             ratio: number | null;
             missing: string[];
-            stands_in: components["schemas"]["ProductPlace"][];
+            stands_in: components["schemas"]["NamedRef"][];
         };
         /**
          * ProvenanceGraph
@@ -4567,7 +4480,7 @@ export interface components {
         ReservationRow: {
             /** Format: uuid */
             id: string;
-            resource: components["schemas"]["ReservedResource"];
+            resource: components["schemas"]["NamedRef"];
             holder: string;
             is_own: boolean;
             may_end: boolean;
@@ -4593,32 +4506,48 @@ export interface components {
             next: string | null;
         };
         /**
-         * ReservedResource
-         * @description The resource that is reserved.
-         */
-        ReservedResource: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-        };
-        /**
          * ResourceConditions
          * @description What a device told while a resource was in it.
          */
         ResourceConditions: {
-            resource: components["schemas"]["StayResource"];
-            device: components["schemas"]["StayDevice"];
+            resource: components["schemas"]["NamedRef"];
+            device: components["schemas"]["KeyedRef"];
             stays: components["schemas"]["DeviceStay"][];
             is_truncated: boolean;
         };
         /**
-         * ResourceDevice
-         * @description The device that a resource is part of.
+         * ResourceDetail
+         * @description One resource with what happened to it.
          */
-        ResourceDevice: {
+        ResourceDetail: {
             /** Format: uuid */
             id: string;
+            key: string;
+            parent_id: string | null;
             name: string;
+            kind: string;
+            kind_label: string;
+            nature: components["schemas"]["Nature"];
+            depth: number;
+            holds_liquid: boolean;
+            contents: components["schemas"]["ContentRow"][];
+            volume_nl: number;
+            capacity_nl: number | null;
+            is_quarantined: boolean;
+            is_archived: boolean;
+            device: components["schemas"]["NamedRef"] | null;
+            pose: Record<string, unknown> | null;
+            held_by: components["schemas"]["ResourceKeeper"][];
+            config: Record<string, unknown>;
+            data: Record<string, unknown>;
+            data_told: {
+                [key: string]: components["schemas"]["FieldOrigin"];
+            };
+            extra: Record<string, unknown>;
+            size_mm: number[] | null;
+            ports: components["schemas"]["ResourcePort"][];
+            events: components["schemas"]["EventRow"][];
+            events_next: string | null;
         };
         /**
          * ResourceKeeper
@@ -4671,43 +4600,9 @@ export interface components {
             capacity_nl: number | null;
             is_quarantined: boolean;
             is_archived: boolean;
-            device: components["schemas"]["ResourceDevice"] | null;
+            device: components["schemas"]["NamedRef"] | null;
             pose: Record<string, unknown> | null;
             held_by: components["schemas"]["ResourceKeeper"][];
-        };
-        /**
-         * ResourceView
-         * @description One resource with what happened to it.
-         */
-        ResourceView: {
-            /** Format: uuid */
-            id: string;
-            key: string;
-            parent_id: string | null;
-            name: string;
-            kind: string;
-            kind_label: string;
-            nature: components["schemas"]["Nature"];
-            depth: number;
-            holds_liquid: boolean;
-            contents: components["schemas"]["ContentRow"][];
-            volume_nl: number;
-            capacity_nl: number | null;
-            is_quarantined: boolean;
-            is_archived: boolean;
-            device: components["schemas"]["ResourceDevice"] | null;
-            pose: Record<string, unknown> | null;
-            held_by: components["schemas"]["ResourceKeeper"][];
-            config: Record<string, unknown>;
-            data: Record<string, unknown>;
-            data_told: {
-                [key: string]: components["schemas"]["FieldOrigin"];
-            };
-            extra: Record<string, unknown>;
-            size_mm: number[] | null;
-            ports: components["schemas"]["ResourcePort"][];
-            events: components["schemas"]["EventRow"][];
-            events_next: string | null;
         };
         /**
          * Restore
@@ -4812,13 +4707,44 @@ export interface components {
             state: string;
         };
         /**
-         * RunDevice
-         * @description A device that a run uses.
+         * RunDetail
+         * @description A run whole.
          */
-        RunDevice: {
+        RunDetail: {
             /** Format: uuid */
             id: string;
-            name: string;
+            number: number;
+            workflow: components["schemas"]["RunWorkflow"];
+            mode: components["schemas"]["Mode"];
+            state: components["schemas"]["RunState"];
+            created_by: string;
+            created_at: string;
+            started_at: string | null;
+            ended_at: string | null;
+            steps_total: number;
+            steps_done: number;
+            step_now: string | null;
+            in_doubt_count: number;
+            estimate_s: number;
+            left_s: number | null;
+            pause_reasons: components["schemas"]["PauseReason"][];
+            waits_for: components["schemas"]["RunWait"] | null;
+            holds: components["schemas"]["RunHoldRow"][];
+            recoveries: components["schemas"]["RunRecovery"][];
+            is_given_up: boolean;
+            document: Record<string, unknown>;
+            plan: components["schemas"]["PlanView"];
+            jobs: components["schemas"]["JobRow"][];
+            given_up: components["schemas"]["RunGivenUp"] | null;
+            halts: components["schemas"]["DeviceHaltRow"][];
+            files: components["schemas"]["JobFile"][];
+            proof: components["schemas"]["RunProof"] | null;
+            approval: components["schemas"]["RunApproval"] | null;
+            execution: components["schemas"]["Execution"] | null;
+            hosts_away: components["schemas"]["HostAway"][];
+            silent: components["schemas"]["SilentDevice"][];
+            contradicted: components["schemas"]["ContradictedAnswer"][];
+            can: components["schemas"]["RunRights"];
         };
         /**
          * RunDoubt
@@ -4831,32 +4757,24 @@ export interface components {
             resolved: components["schemas"]["DoubtEnd"] | null;
         };
         /**
-         * RunEventList
-         * @description A page of what the transactions of a run did.
+         * RunGivenUp
+         * @description Who aborted a run, when and why.
          */
-        RunEventList: {
-            events: components["schemas"]["EventRow"][];
-            next: string | null;
+        RunGivenUp: {
+            by: string;
+            at: string;
+            reason: string;
         };
         /**
-         * RunHold
+         * RunHoldRow
          * @description Something that a run keeps for itself now.
          */
-        RunHold: {
+        RunHoldRow: {
             /** Format: uuid */
             resource_id: string;
             resource: string;
             is_shared: boolean;
             until_step: number;
-        };
-        /**
-         * RunLabel
-         * @description A run by its number.
-         */
-        RunLabel: {
-            /** Format: uuid */
-            id: string;
-            number: number;
         };
         /**
          * RunList
@@ -4908,10 +4826,10 @@ export interface components {
             departs?: string;
         };
         /**
-         * RunReportPage
+         * RunReport
          * @description What a run did with matter.
          */
-        RunReportPage: {
+        RunReport: {
             started_at: string | null;
             ended_at: string | null;
             taken: components["schemas"]["MassAccount"][];
@@ -4946,8 +4864,7 @@ export interface components {
             id: string;
             number: number;
             workflow: components["schemas"]["RunWorkflow"];
-            /** @enum {unknown} */
-            mode: "live" | "sim";
+            mode: components["schemas"]["Mode"];
             state: components["schemas"]["RunState"];
             created_by: string;
             created_at: string;
@@ -4961,7 +4878,7 @@ export interface components {
             left_s: number | null;
             pause_reasons: components["schemas"]["PauseReason"][];
             waits_for: components["schemas"]["RunWait"] | null;
-            holds: components["schemas"]["RunHold"][];
+            holds: components["schemas"]["RunHoldRow"][];
             recoveries: components["schemas"]["RunRecovery"][];
             is_given_up: boolean;
         };
@@ -4971,47 +4888,6 @@ export interface components {
          * @enum {unknown}
          */
         RunState: "aborted" | "awaiting_approval" | "complete" | "completing" | "draft" | "paused" | "pausing" | "queued" | "running";
-        /**
-         * RunView
-         * @description A run whole.
-         */
-        RunView: {
-            /** Format: uuid */
-            id: string;
-            number: number;
-            workflow: components["schemas"]["RunWorkflow"];
-            /** @enum {unknown} */
-            mode: "live" | "sim";
-            state: components["schemas"]["RunState"];
-            created_by: string;
-            created_at: string;
-            started_at: string | null;
-            ended_at: string | null;
-            steps_total: number;
-            steps_done: number;
-            step_now: string | null;
-            in_doubt_count: number;
-            estimate_s: number;
-            left_s: number | null;
-            pause_reasons: components["schemas"]["PauseReason"][];
-            waits_for: components["schemas"]["RunWait"] | null;
-            holds: components["schemas"]["RunHold"][];
-            recoveries: components["schemas"]["RunRecovery"][];
-            is_given_up: boolean;
-            document: Record<string, unknown>;
-            plan: components["schemas"]["PlanView"];
-            jobs: components["schemas"]["JobRow"][];
-            given_up: components["schemas"]["GivenUp"] | null;
-            halts: components["schemas"]["DeviceHaltRow"][];
-            files: components["schemas"]["JobFile"][];
-            proof: components["schemas"]["RunProof"] | null;
-            approval: components["schemas"]["RunApproval"] | null;
-            execution: components["schemas"]["Execution"] | null;
-            hosts_away: components["schemas"]["HostAway"][];
-            silent: components["schemas"]["SilentDevice"][];
-            contradicted: components["schemas"]["ContradictedAnswer"][];
-            can: components["schemas"]["RunRights"];
-        };
         /**
          * RunWait
          * @description The run that another one waits for.
@@ -5041,15 +4917,6 @@ export interface components {
         Said: {
             reason: string;
         };
-        /**
-         * Scope
-         * @description How far an access token reaches: each scope holds all before it.
-         *
-         *         A token never does more than its owner may, and no token approves, answers a doubt, releases
-         *         the lab, admits anything, or signs: for that a person signs in.
-         * @enum {unknown}
-         */
-        Scope: "draft" | "read" | "simulate" | "submit";
         /**
          * SearchHit
          * @description One thing that was found by its name.
@@ -5147,7 +5014,7 @@ export interface components {
          * @description A device on which something of a run stands, and of which it cannot be read back.
          */
         SilentDevice: {
-            device: components["schemas"]["RunDevice"];
+            device: components["schemas"]["NamedRef"];
             since_at: string;
             sentences: string[];
         };
@@ -5205,16 +5072,6 @@ export interface components {
             contexts: Record<string, unknown>;
         };
         /**
-         * StayDevice
-         * @description The device in which it was.
-         */
-        StayDevice: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-            key: string;
-        };
-        /**
          * StayFile
          * @description A file that came from a device while a resource was in it.
          */
@@ -5227,15 +5084,6 @@ export interface components {
             resource_id: string | null;
             at: string;
             moment_by: string;
-        };
-        /**
-         * StayResource
-         * @description The resource of which the stays are told.
-         */
-        StayResource: {
-            /** Format: uuid */
-            id: string;
-            name: string;
         };
         /**
          * StepChoice
@@ -5345,13 +5193,13 @@ export interface components {
             since_s: number;
             until_s: number;
             curves: components["schemas"]["TelemetryCurve"][];
-            gaps: components["schemas"]["TelemetryGap"][];
+            gaps: components["schemas"]["TelemetryGapRow"][];
         };
         /**
-         * TelemetryGap
+         * TelemetryGapRow
          * @description A time in which samples of a device were lost, or may have been.
          */
-        TelemetryGap: {
+        TelemetryGapRow: {
             since: number;
             until: number;
             lost_count: number | null;
@@ -5400,13 +5248,21 @@ export interface components {
             source: string;
         };
         /**
-         * TicketHost
-         * @description The edge host that a ticket concerns.
+         * TicketDetail
+         * @description One contradiction between record and world.
          */
-        TicketHost: {
+        TicketDetail: {
             /** Format: uuid */
             id: string;
-            name: string;
+            code: string;
+            message: string;
+            detail: Record<string, unknown>;
+            resources: components["schemas"]["TicketResource"][];
+            host: components["schemas"]["NamedRef"] | null;
+            opened_at: string;
+            closed_at: string | null;
+            closed_by: string | null;
+            can_close: boolean;
         };
         /**
          * TicketResource
@@ -5417,23 +5273,6 @@ export interface components {
             id: string;
             name: string;
             is_quarantined: boolean;
-        };
-        /**
-         * TicketView
-         * @description One contradiction between record and world.
-         */
-        TicketView: {
-            /** Format: uuid */
-            id: string;
-            code: string;
-            message: string;
-            detail: Record<string, unknown>;
-            resources: components["schemas"]["TicketResource"][];
-            host: components["schemas"]["TicketHost"] | null;
-            opened_at: string;
-            closed_at: string | null;
-            closed_by: string | null;
-            can_close: boolean;
         };
         /**
          * TokenWish
@@ -5553,7 +5392,7 @@ export interface components {
         TryoutDetail: {
             /** Format: uuid */
             id: string;
-            host: components["schemas"]["TryoutPlace"];
+            host: components["schemas"]["NamedRef"];
             model: string;
             title: string;
             speed: number;
@@ -5610,22 +5449,13 @@ export interface components {
             settings: Record<string, unknown>;
         };
         /**
-         * TryoutPlace
-         * @description The host on which a tryout runs.
-         */
-        TryoutPlace: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-        };
-        /**
          * TryoutRow
          * @description One tryout in a list.
          */
         TryoutRow: {
             /** Format: uuid */
             id: string;
-            host: components["schemas"]["TryoutPlace"];
+            host: components["schemas"]["NamedRef"];
             model: string;
             title: string;
             speed: number;
@@ -5732,6 +5562,19 @@ export interface components {
             comment: string;
         };
         /**
+         * VersionDetail
+         * @description A version of a workflow with its document.
+         */
+        VersionDetail: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            note: string;
+            author: string | null;
+            at: string;
+            document: Record<string, unknown>;
+        };
+        /**
          * VersionList
          * @description A page of versions, the newest first.
          */
@@ -5750,19 +5593,6 @@ export interface components {
             note: string;
             author: string | null;
             at: string;
-        };
-        /**
-         * VersionView
-         * @description A version of a workflow with its document.
-         */
-        VersionView: {
-            /** Format: uuid */
-            id: string;
-            number: number;
-            note: string;
-            author: string | null;
-            at: string;
-            document: Record<string, unknown>;
         };
         /**
          * VolumeOrder
@@ -5830,6 +5660,26 @@ export interface components {
             proof: components["schemas"]["DraftProof"] | null;
         };
         /**
+         * WorkflowDetail
+         * @description A workflow with its draft and versions.
+         */
+        WorkflowDetail: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            description: string;
+            is_template: boolean;
+            latest_version: components["schemas"]["NumberedRef"] | null;
+            steps_count: number;
+            updated_at: string;
+            updated_by: string | null;
+            last_run: components["schemas"]["LastRunOf"] | null;
+            draft: Record<string, unknown>;
+            draft_revision: number;
+            versions: components["schemas"]["VersionRow"][];
+            can_edit: boolean;
+        };
+        /**
          * WorkflowOverview
          * @description A workflow with its last run.
          */
@@ -5839,7 +5689,7 @@ export interface components {
             name: string;
             description: string;
             is_template: boolean;
-            latest_version: components["schemas"]["LatestVersion"] | null;
+            latest_version: components["schemas"]["NumberedRef"] | null;
             steps_count: number;
             updated_at: string;
             updated_by: string | null;
@@ -5852,26 +5702,6 @@ export interface components {
         WorkflowOverviewList: {
             workflows: components["schemas"]["WorkflowOverview"][];
             next: string | null;
-        };
-        /**
-         * WorkflowWhole
-         * @description A workflow with its draft and versions.
-         */
-        WorkflowWhole: {
-            /** Format: uuid */
-            id: string;
-            name: string;
-            description: string;
-            is_template: boolean;
-            latest_version: components["schemas"]["LatestVersion"] | null;
-            steps_count: number;
-            updated_at: string;
-            updated_by: string | null;
-            last_run: components["schemas"]["LastRunOf"] | null;
-            draft: Record<string, unknown>;
-            draft_revision: number;
-            versions: components["schemas"]["VersionRow"][];
-            can_edit: boolean;
         };
     };
     responses: never;
@@ -6502,7 +6332,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["PartChanges"];
+                    "application/json": components["schemas"]["DriverPartChanges"];
                 };
             };
             /** @description Refused */
@@ -7512,7 +7342,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["FileWithReadings"];
+                    "application/json": components["schemas"]["FileDetail"];
                 };
             };
             /** @description The answer */
@@ -7563,7 +7393,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["FileWithReadings"];
+                    "application/json": components["schemas"]["FileDetail"];
                 };
             };
             /** @description Refused */
@@ -7652,7 +7482,9 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ProvenanceGraph"];
+                    "application/json": components["schemas"]["ProvenanceGraph"] | {
+                        [key: string]: unknown;
+                    };
                 };
             };
             /** @description Refused */
@@ -8117,7 +7949,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunView"];
+                    "application/json": components["schemas"]["RunDetail"];
                 };
             };
             /** @description Refused */
@@ -8166,7 +7998,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunView"];
+                    "application/json": components["schemas"]["RunDetail"];
                 };
             };
             /** @description Refused */
@@ -8715,7 +8547,9 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ProvenanceGraph"];
+                    "application/json": components["schemas"]["ProvenanceGraph"] | {
+                        [key: string]: unknown;
+                    };
                 };
             };
             /** @description Refused */
@@ -9002,7 +8836,9 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ProvenanceGraph"];
+                    "application/json": components["schemas"]["ProvenanceGraph"] | {
+                        [key: string]: unknown;
+                    };
                 };
             };
             /** @description Refused */
@@ -9367,7 +9203,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ResourceView"];
+                    "application/json": components["schemas"]["ResourceDetail"];
                 };
             };
             /** @description Refused */
@@ -9646,7 +9482,9 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ProvenanceGraph"];
+                    "application/json": components["schemas"]["ProvenanceGraph"] | {
+                        [key: string]: unknown;
+                    };
                 };
             };
             /** @description Refused */
@@ -9914,7 +9752,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunView"];
+                    "application/json": components["schemas"]["RunDetail"];
                 };
             };
             /** @description Refused */
@@ -9956,7 +9794,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunView"];
+                    "application/json": components["schemas"]["RunDetail"];
                 };
             };
             /** @description Refused */
@@ -10005,7 +9843,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunView"];
+                    "application/json": components["schemas"]["RunDetail"];
                 };
             };
             /** @description Refused */
@@ -10136,7 +9974,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunEventList"];
+                    "application/json": components["schemas"]["EventList"];
                 };
             };
             /** @description Refused */
@@ -10228,7 +10066,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunView"];
+                    "application/json": components["schemas"]["RunDetail"];
                 };
             };
             /** @description Refused */
@@ -10275,7 +10113,9 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["ProvenanceGraph"];
+                    "application/json": components["schemas"]["ProvenanceGraph"] | {
+                        [key: string]: unknown;
+                    };
                 };
             };
             /** @description Refused */
@@ -10317,7 +10157,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunReportPage"];
+                    "application/json": components["schemas"]["RunReport"];
                 };
             };
             /** @description Refused */
@@ -10366,7 +10206,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["RunView"];
+                    "application/json": components["schemas"]["RunDetail"];
                 };
             };
             /** @description Refused */
@@ -10739,7 +10579,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["TicketView"];
+                    "application/json": components["schemas"]["TicketDetail"];
                 };
             };
             /** @description Refused */
@@ -10788,7 +10628,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["TicketView"];
+                    "application/json": components["schemas"]["TicketDetail"];
                 };
             };
             /** @description Refused */
@@ -11148,7 +10988,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["WorkflowWhole"];
+                    "application/json": components["schemas"]["WorkflowDetail"];
                 };
             };
             /** @description Refused */
@@ -11190,7 +11030,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["WorkflowWhole"];
+                    "application/json": components["schemas"]["WorkflowDetail"];
                 };
             };
             /** @description Refused */
@@ -11378,7 +11218,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["VersionView"];
+                    "application/json": components["schemas"]["VersionDetail"];
                 };
             };
             /** @description Refused */

@@ -18,7 +18,7 @@ import type {
   WorkflowDocument,
 } from "./wirebase";
 import type { RunFile } from "./wirefiles";
-import type { DeviceHalt, DeviceRow, HostAway, HostRow } from "./wirelab";
+import type { DeviceHalt, HostAway } from "./wirelab";
 import type { Asks, RecoveryCard } from "./wirerecovery";
 
 type Answers = components["schemas"];
@@ -35,33 +35,19 @@ export type Mode = "sim" | "live";
 
 export type User = Answers["SignedInUser"];
 
-export type StopHost = components["schemas"]["StopHost"];
+export type StopHost = Answers["StopHost"];
 
-export type Lab = components["schemas"]["LabSummary"];
+export type Lab = Answers["LabSummary"];
 
-export interface Session {
-  user: User | null;
-  lab: Lab | null;
-}
+export type Session = Answers["OpenSession"];
 
-export type Need = Answers["Need"];
+export type Need = Answers["HomeNeed"];
 
-export interface Home {
-  needs_you: Need[];
-  running: RunRow[];
-  last_results: RunRow[];
-  workflows: WorkflowRow[];
-  devices: DeviceRow[];
-  hosts: HostRow[];
-}
+export type Home = Answers["HomePage"];
 
 export type PortKind = "done" | "material" | "data";
 
-export interface StepPort {
-  name: string;
-  kind: PortKind;
-  label: string;
-}
+export type StepPort = Answers["StepPort"];
 
 export interface UnitOperation {
   kind: string;
@@ -96,19 +82,9 @@ export interface Steps {
   units: Record<string, UnitTable>;
 }
 
-export interface WorkflowRow {
-  id: Id;
-  name: string;
-  description: string;
-  is_template: boolean;
-  latest_version: { id: Id; number: number } | null;
-  steps_count: number;
-  updated_at: Iso;
-  updated_by: string | null;
-  last_run: LastRun | null;
-}
+export type WorkflowRow = Answers["WorkflowOverview"];
 
-export type LastRun = components["schemas"]["LastRunOf"];
+export type LastRun = Answers["LastRunOf"];
 
 export interface Workflow extends WorkflowRow {
   draft: WorkflowDocument;
@@ -128,18 +104,15 @@ export interface CheckResult {
 }
 
 /** The version whose recipe was proved, and what took the proof away since; nothing: it holds. */
-export interface Proof {
-  version: number;
-  changes: Finding[];
-}
+export type Proof = Answers["DraftProof"];
 
-export type PauseReason = components["schemas"]["PauseReason"];
+export type PauseReason = Answers["PauseReason"];
 
-export type RunRow = components["schemas"]["RunRow"];
+export type RunRow = Answers["RunRow"];
 
-export type WaitsFor = components["schemas"]["RunWait"];
+export type WaitsFor = Answers["RunWait"];
 
-export type Hold = components["schemas"]["RunHold"];
+export type Hold = Answers["RunHoldRow"];
 
 export type RunState =
   | "draft"
@@ -153,7 +126,7 @@ export type RunState =
   | "aborted";
 
 /** How much the readings before and since say was moved. */
-export type Measured = components["schemas"]["MeasuredAmount"];
+export type Measured = Answers["MeasuredAmount"];
 
 /** What a person answered about a doubt, and when that ended it. */
 export interface Resolution {
@@ -166,7 +139,7 @@ export interface Resolution {
   at?: Iso | null;
 }
 
-export type Question = components["schemas"]["JobQuestion"];
+export type Question = Answers["JobQuestion"];
 
 /** One condition, with what was seen. */
 export interface ConditionResult {
@@ -232,10 +205,7 @@ export interface Job {
 }
 
 /** One way in which a run leaves what was proved, at its job or step. */
-export interface Departure {
-  place: string;
-  text: string;
-}
+export type Departure = Answers["Departure"];
 
 export interface Run extends RunRow {
   document: WorkflowDocument;

@@ -1,5 +1,8 @@
 /** What the messages of every page are made of; it knows none of them. */
 
+import type { components } from "./api.gen";
+
+type Answers = components["schemas"];
 export type Id = string;
 export type Iso = string;
 
@@ -80,41 +83,14 @@ export interface SentencePart {
   sort?: string;
 }
 
-export interface PlannedJob {
-  index: number;
-  step_id: string;
-  sentence: string;
-  device: { id: Id; name: string };
-  /** How many devices may do it, where its step asks for a role; 0: its device alone. */
-  choices_count: number;
-  action: string;
-  args: Record<string, unknown>;
-  after: number[];
-  estimate_s: number;
-}
+export type PlannedJob = Answers["PlanJob"];
 
-export interface PlannedStep {
-  step_id: string;
-  kind: string;
-  sentence: string;
-  estimate_s: number;
-}
+export type PlannedStep = Answers["PlannedStep"];
 
-export interface Plan {
-  digest: string;
-  estimate_s: number;
-  steps: PlannedStep[];
-  jobs: PlannedJob[];
-  notes: string[];
-  /** What of it was carried out on paper; null: it is of before there was a proof. */
-  proved: Proved | null;
-}
+export type Plan = Answers["PlanView"];
 
 /** Steps whose movements of matter the plan was proved to make, and steps that no proof covers. */
-export interface Proved {
-  steps: string[];
-  beyond: { step_id: string; why: string }[];
-}
+export type Proved = Answers["PlanProof"];
 
 export type JobState =
   | "draft"

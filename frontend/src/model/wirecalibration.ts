@@ -1,22 +1,16 @@
 /** Calibrations as the server tells of them. */
 
+import type { components } from "./api.gen";
 import type { Finding } from "./wirebase";
+
+type Answers = components["schemas"];
 
 export type CalibrationState =
   "measuring" | "failed" | "awaiting" | "accepted" | "rejected" | "withdrawn";
 
 export type Standing = "in_force" | "expired" | "changed" | "withdrawn";
 
-export interface LevelResult {
-  level: number;
-  count: number;
-  indicated: number;
-  reference: number;
-  error: number;
-  residual: number;
-  repeatability: number;
-  expanded: number;
-}
+export type LevelResult = Answers["LevelResult"];
 
 export interface CalibrationResult {
   gain: number;
@@ -34,13 +28,7 @@ export interface CalibrationPoint {
   at_s: number;
 }
 
-export interface Reference {
-  name: string;
-  certificate: string;
-  /** Expanded uncertainty by its certificate. */
-  expanded: number;
-  due_on: string;
-}
+export type Reference = Answers["Reference"];
 
 export interface Calibration {
   id: string;

@@ -19,7 +19,7 @@ export type DriverReading = Omit<Answers["DriverReading"], keyof Open> & Open;
 export type DriverInterface = Omit<DriverReading, "module" | "class_name" | "digest" | "known">;
 
 export type DriverUse = Answers["DriverUse"];
-export type PartChanges = Answers["PartChanges"];
+export type PartChanges = Answers["DriverPartChanges"];
 export type DriverPlace = Answers["DriverPlace"];
 export type DriverRequest = Answers["DriverRequest"];
 export type DriverDetail = Omit<Answers["DriverDetail"], keyof Open> & Open;

@@ -1,6 +1,9 @@
 /** What crosses the border about kept files and readings. */
 
+import type { components } from "./api.gen";
 import type { Finding, Id, Iso } from "./wirebase";
+
+type Answers = components["schemas"];
 
 interface Named {
   id: Id;
@@ -21,17 +24,7 @@ export interface KeptFile {
 export type FileState = "awaited" | "pending" | "parsed" | "refused" | "lost";
 
 /** A file that an action of a run has measured, whether its bytes are here or not. */
-export interface RunFile {
-  id: Id;
-  job_id: Id;
-  name: string;
-  format: string;
-  size_bytes: number;
-  state: FileState;
-  file_id: Id | null;
-  code: string;
-  message: string;
-}
+export type RunFile = Answers["JobFile"];
 
 /** A file that waits to be read, or what became of it. */
 export interface IncomingFile {
@@ -54,13 +47,7 @@ export interface FileRow extends KeptFile {
   job: { id: Id; index: number; sentence: string; run: { id: Id; number: number } } | null;
 }
 
-export interface Axis {
-  column: string;
-  unit: string;
-  points_count: number;
-  least: number | string | null;
-  most: number | string | null;
-}
+export type Axis = Answers["SeriesAxis"];
 
 export interface FileReading {
   id: Id;
@@ -82,14 +69,4 @@ export interface FileDetail extends FileRow {
   series: KeptFile[];
 }
 
-export interface Drawn {
-  reading_id: Id;
-  x: Axis;
-  y: Pick<Axis, "column" | "unit" | "least" | "most">;
-  scan: (Axis & { value: number }) | null;
-  points: [x: number, y: number | null][];
-  rows_count: number;
-  is_thinned: boolean;
-  /** The axis counts seconds since 1970. */
-  is_time: boolean;
-}
+export type Drawn = Answers["DrawnSeries"];

@@ -1,24 +1,18 @@
 /** What crosses the border about recipes that are opened on a rig. */
 
-import type { Finding, Id, Version } from "./wirebase";
+import type { components } from "./api.gen";
+import type { Finding } from "./wirebase";
 import type { WorkflowDocument } from "./wire";
+
+type Answers = components["schemas"];
 
 /**
  * What a finding is about: the recipe, the graph, both together, what was asked, what is stated,
  * or the workflow that the recipe becomes.
  */
-export interface RecipeFinding extends Finding {
-  about: "recipe" | "graph" | "rig" | "wish" | "declared" | "workflow";
-}
+export type RecipeFinding = Answers["RecipeFinding"];
 
-export interface RigNode {
-  key: string;
-  kind: string;
-  role: string;
-  sort: string | null;
-  chemical: string;
-  holds: { name: string; volume_ul: number }[];
-}
+export type RigNode = Answers["RigNode"];
 
 export interface RigTube {
   key: string;
@@ -80,28 +74,10 @@ export interface RecipePlan {
   notes: string[];
 }
 
-export interface RoleBinding {
-  role: string;
-  what: "vessel" | "reagent";
-  told: string;
-  keys: string[];
-  choices: string[];
-  /** Vessels whose label only looks like it: never taken by themselves. */
-  alike: string[];
-  is_by_hand: boolean;
-  /** By the file that is stated beside the recipe. */
-  is_stated: boolean;
-}
+export type RoleBinding = Answers["RoleBinding"];
 
 /** A value that the recipe leaves to whoever uses it; texts with units, "" for none. */
-export interface RecipeParameter {
-  id: string;
-  sort: string;
-  unit: string;
-  value: string;
-  least: string;
-  most: string;
-}
+export type RecipeParameter = Answers["RecipeParameter"];
 
 export interface Opening {
   recipe: {
@@ -133,7 +109,4 @@ export type RecipeAdvice =
     }
   | { ok: false; findings: Finding[] };
 
-export interface KeptRecipe {
-  workflow_id: Id;
-  version: Version;
-}
+export type KeptRecipe = Answers["KeptRecipe"];

@@ -2,7 +2,9 @@
 
 import type { components } from "./api.gen";
 
-export type AccessToken = components["schemas"]["AccessTokenRow"];
-export type NewAccessToken = components["schemas"]["NewAccessToken"];
-export type MakeAccessToken = components["schemas"]["MakeAccessToken"];
+type Answers = components["schemas"];
+
+export type AccessToken = Answers["AccessTokenRow"];
+export type NewAccessToken = Answers["NewAccessToken"];
+export type MakeAccessToken = Answers["MakeAccessToken"];
 export type TokenScope = AccessToken["scope"];

@@ -26,18 +26,13 @@ from labweb.accounts.services.people import (
     note_foreign_password,
 )
 from labweb.accounts.services.tokens import (
-    MOST_DAYS,
-    MOST_TOKENS,
     make_token,
     note_use,
-    revoke_all,
     revoke_token,
 )
 
 __all__ = [
     "KEPT_FOR",
-    "MOST_DAYS",
-    "MOST_TOKENS",
     "Answer",
     "InProgressError",
     "KeyReusedError",
@@ -52,7 +47,6 @@ __all__ = [
     "make_token",
     "note_foreign_password",
     "note_use",
-    "revoke_all",
     "revoke_token",
     "sign_chain",
     "write_audit",

@@ -80,6 +80,7 @@ def change_password(user: User, *, old: str, new: str) -> User:
     return row
 
 
+@atomic
 def note_foreign_password(user: User) -> None:
     """Have a person change a password that somebody else has set for them.
 

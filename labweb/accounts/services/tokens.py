@@ -6,30 +6,22 @@ import secrets
 from datetime import timedelta
 from uuid import UUID
 
-from django.db.models import Q
 from django.db.transaction import atomic
 
 from labweb.accounts.models import AccessToken, User
-from labweb.accounts.selectors.tokens import PREFIX, hash_of, live_tokens
+from labweb.accounts.selectors.tokens import PREFIX, hash_of, valid_tokens
 from labweb.accounts.services.auditing import write_audit
 from labweb.common.clock import now
-from labweb.domain.approvals.scopes import Scope
-from labweb.domain.errors import DefinitionError, ForbiddenError, NotFoundError, StateError
+from labweb.domain.approvals.tokens import AccessScope, check_wanted
+from labweb.domain.errors import ForbiddenError, NotFoundError
 
-MOST_DAYS = 366
-"""No token is valid for longer."""
-
-MOST_TOKENS = 20
-"""Valid tokens of one person in one lab."""
-
-_LONGEST_NAME = 100
 _SECRET_BYTES = 32
 _NOTED_EVERY = timedelta(minutes=1)
 
 
 @atomic
 def make_token(
-    user: User, *, lab_id: UUID, name: str, scope: Scope, days: int
+    user: User, *, lab_id: UUID, name: str, scope: AccessScope, days: int
 ) -> tuple[AccessToken, str]:
     """Make an access token.
 
@@ -51,20 +43,9 @@ def make_token(
         On the record only.
     """
     called = name.strip()
-    if not called or len(called) > _LONGEST_NAME:
-        text = f"name a token with 1 to {_LONGEST_NAME} characters"
-        raise DefinitionError(text, code="token.name")
-    if not 1 <= days <= MOST_DAYS:
-        text = f"a token is valid for 1 to {MOST_DAYS} days, not {days}"
-        raise DefinitionError(text, code="token.days")
     User.objects.select_for_update(no_key=True).get(pk=user.pk)
-    valid = live_tokens(user, lab_id)
-    if valid.filter(name=called).exists():
-        text = f"you have a token {called!r} already: revoke it first, or choose another name"
-        raise StateError(text, code="token.name_taken")
-    if valid.count() >= MOST_TOKENS:
-        text = f"you have {MOST_TOKENS} valid tokens, and nobody has more: revoke one first"
-        raise StateError(text, code="token.too_many")
+    valid = valid_tokens().filter(user=user, lab_id=lab_id)
+    check_wanted(called, days, valid.values_list("name", flat=True))
     secret = PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
     at = now()
     row = AccessToken.objects.create(
@@ -93,7 +74,7 @@ def revoke_token(lab_id: UUID, token_id: UUID, *, actor: User, is_admin: bool) -
 
     Raises:
         NotFoundError: The lab has no such token.
-        ForbiddenError: It is another person's.
+        ForbiddenError: It is not the actor's, who is no admin.
 
     Effect:
         On the record only. What was started with it goes on.
@@ -106,10 +87,7 @@ def revoke_token(lab_id: UUID, token_id: UUID, *, actor: User, is_admin: bool) -
     if row is None:
         raise NotFoundError(f"there is no token {token_id}", code="token.not_found")
     if row.revoked_at is None:
-        row.revoked_at = now()
-        row.save(update_fields=["revoked_at"])
-        detail = {"name": row.name, "owner": str(row.user_id)}
-        write_audit("token.revoke", str(row.pk), actor=actor, detail=detail)
+        _revoke(row, actor)
 
 
 def revoke_all(user: User, *, actor: User | None) -> None:
@@ -118,17 +96,19 @@ def revoke_all(user: User, *, actor: User | None) -> None:
     Effect:
         On the record only.
     """
-    for row in AccessToken.objects.filter(user=user, revoked_at=None, expires_at__gt=now()):
-        row.revoked_at = now()
-        row.save(update_fields=["revoked_at"])
-        detail = {"name": row.name, "owner": str(row.user_id)}
-        write_audit("token.revoke", str(row.pk), actor=actor, detail=detail)
+    for row in valid_tokens().filter(user=user):
+        _revoke(row, actor)
+
+
+def _revoke(row: AccessToken, actor: User | None) -> None:
+    row.revoked_at = now()
+    row.save(update_fields=["revoked_at"])
+    detail = {"name": row.name, "owner": str(row.user_id)}
+    write_audit("token.revoke", str(row.pk), actor=actor, detail=detail)
 
 
 def note_use(token: AccessToken) -> None:
     """Note that a token was used; once a minute is enough."""
     at = now()
-    if token.used_at is not None and at - token.used_at < _NOTED_EVERY:
-        return
-    rows = AccessToken.objects.filter(pk=token.pk)
-    rows.filter(Q(used_at=None) | Q(used_at__lt=at)).update(used_at=at)
+    if token.used_at is None or at - token.used_at >= _NOTED_EVERY:
+        AccessToken.objects.filter(pk=token.pk).update(used_at=at)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from uuid import UUID
 
 from labweb.api.answers.drivers import DriverProblem, DriverServing, NextDriver
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.domain.runs.custody import CustodyState
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.session import SessionState
@@ -17,13 +17,6 @@ from labweb.workflows.answers import DeviceAction
 
 DeviceLink = Literal["online", "stale", "offline", "not_enrolled", "quarantined"]
 DiskLevel = Literal["ok", "low", "full"]
-
-
-class DeviceHost(ApiAnswer):
-    """The host of a device."""
-
-    id: UUID
-    name: str
 
 
 class DeviceJob(ApiAnswer):
@@ -66,7 +59,7 @@ class DeviceRow(ApiAnswer):
     name: str
     role: str
     kind_label: str
-    host: DeviceHost
+    host: NamedRef
     state: str
     link: DeviceLink
     is_halt_owed: bool
@@ -87,7 +80,7 @@ class DeviceList(ApiAnswer):
     """What `after` takes for the next page; null: this is the last one."""
 
 
-class DeviceDriver(ApiAnswer):
+class DeviceDriverUse(ApiAnswer):
     """The driver of a device, and what became of its versions."""
 
     class_name: str
@@ -101,7 +94,7 @@ class DeviceDriver(ApiAnswer):
     serving: DriverServing | None
 
 
-class DeviceNode(ApiAnswer):
+class DevicePart(ApiAnswer):
     """A resource that is a part of a device."""
 
     role: str
@@ -112,7 +105,7 @@ class DeviceNode(ApiAnswer):
 class DeviceDetail(DeviceRow):
     """One device whole."""
 
-    driver: DeviceDriver
+    driver: DeviceDriverUse
     actions: list[DeviceAction]
     shows_itself: bool
     """It can show which one it is, on a display or by a light."""
@@ -121,7 +114,7 @@ class DeviceDetail(DeviceRow):
     config: dict[str, Any]
     """Settings of its driver."""
 
-    nodes: list[DeviceNode]
+    nodes: list[DevicePart]
     """Those that the caller may see."""
 
     transport: str

@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any, Literal
 from uuid import UUID
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, KeyedRef
 from labweb.domain.enrollment.changes import ModuleChange
 from labweb.domain.enrollment.tryout import Tried
 from labweb.domain.errors import Finding
@@ -56,14 +56,6 @@ class DriverUse(ApiAnswer):
     serving: DriverServing | None
 
 
-class DriverDevice(ApiAnswer):
-    """A device that has a version."""
-
-    id: UUID
-    key: str
-    name: str
-
-
 class DriverRights(ApiAnswer):
     """What the caller may do with a version."""
 
@@ -92,7 +84,7 @@ class DriverRow(ApiAnswer):
     approved_by: str | None
     approved_at: datetime | None
     read_at: datetime
-    devices: list[DriverDevice]
+    devices: list[KeyedRef]
     """Those that have it, of those that the caller may see."""
 
     can: DriverRights
@@ -230,7 +222,7 @@ class ChosenDriverList(ApiAnswer):
     devices: list[ChosenDriver]
 
 
-class PartChanges(ApiAnswer):
+class DriverPartChanges(ApiAnswer):
     """What a version makes of the parts of a device."""
 
     decision: str

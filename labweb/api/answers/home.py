@@ -26,7 +26,7 @@ NeedKind = Literal[
 ]
 
 
-class Need(ApiAnswer):
+class HomeNeed(ApiAnswer):
     """One thing that needs a person."""
 
     kind: NeedKind
@@ -48,7 +48,7 @@ class Need(ApiAnswer):
 class HomePage(ApiAnswer):
     """What a person sees first."""
 
-    needs_you: list[Need]
+    needs_you: list[HomeNeed]
     running: list[RunRow]
     last_results: list[RunRow]
     workflows: list[WorkflowOverview]

@@ -8,7 +8,7 @@ from uuid import UUID
 
 from msgspec import UNSET, UnsetType
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.domain.enrollment.tryout import Tried
 from labweb.domain.messages.tryouts import AskSort
 
@@ -36,18 +36,11 @@ class TryoutHost(ApiAnswer):
     models: list[TryoutModel]
 
 
-class TryoutPlace(ApiAnswer):
-    """The host on which a tryout runs."""
-
-    id: UUID
-    name: str
-
-
 class TryoutRow(ApiAnswer):
     """One tryout in a list."""
 
     id: UUID
-    host: TryoutPlace
+    host: NamedRef
     model: str
     title: str
     """Maker and model, as on the type plate."""

@@ -13,7 +13,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import HISTORY, STANDING
 from labweb.common.requests import Parameter, body, moment, one_of, whole_number, word
@@ -25,12 +25,11 @@ from labweb.crutd.answers import (
     FieldOrigin,
     LineageGraph,
     OperationFindings,
-    ResourceDevice,
+    ResourceDetail,
     ResourceKeeper,
     ResourceList,
     ResourcePort,
     ResourceRow,
-    ResourceView,
     SeenConnection,
 )
 from labweb.crutd.api.events import event_rows as event_rows
@@ -106,10 +105,10 @@ def _page(request: Request, rows: Collection[Resource]) -> tuple[list[Resource],
     return STANDING.of_list(request, rows, path)
 
 
-class ResourceDetail(Endpoint):
+class OneResource(Endpoint):
     """One resource; the floor above names the runs of its events (`labweb.runs.api.happened`)."""
 
-    def get(self, request: Request, resource_id: UUID) -> ResourceView:
+    def get(self, request: Request, resource_id: UUID) -> ResourceDetail:
         """Return a resource with what happened to it."""
         row = visible(request, resource_id)
         lab = resource_selectors.the_lab()
@@ -123,7 +122,7 @@ class ResourceDetail(Endpoint):
         ]
         rows = selectors.events_of(lab, resource_id=row.id)
         events, following = HISTORY.of_rows(request, rows, "-seq")
-        return ResourceView(
+        return ResourceDetail(
             **msgspec.structs.asdict(resource_rows(lab, [row])[0]),
             config=row.config,
             data=row.data,
@@ -327,7 +326,7 @@ def _row(
         capacity_nl=selectors.capacity_nl_of(row),
         is_quarantined=row.quarantined_by is not None,
         is_archived=row.is_archived,
-        device=None if device is None else ResourceDevice(id=device.id, name=device.name),
+        device=None if device is None else NamedRef(id=device.id, name=device.name),
         pose=row.pose,
         held_by=keepers,
     )

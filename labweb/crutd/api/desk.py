@@ -10,6 +10,7 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.common.answers import NamedRef
 from labweb.common.requests import body
 from labweb.crutd import selectors, services
 from labweb.crutd.answers import (
@@ -18,9 +19,8 @@ from labweb.crutd.answers import (
     ReactionStock,
     StockLot,
     StockTaking,
-    TicketHost,
+    TicketDetail,
     TicketResource,
-    TicketView,
 )
 from labweb.crutd.api import visible
 from labweb.crutd.models import Ticket
@@ -100,10 +100,10 @@ class Closing(msgspec.Struct, forbid_unknown_fields=True):
     reason: str
 
 
-class TicketDetail(Endpoint):
+class OneTicket(Endpoint):
     """One contradiction between record and world."""
 
-    def get(self, request: Request, ticket_id: UUID) -> TicketView:
+    def get(self, request: Request, ticket_id: UUID) -> TicketDetail:
         """Return a ticket with the resources and the host it concerns."""
         return _ticket(request, _seen(request, ticket_id))
 
@@ -113,7 +113,7 @@ class CloseTicket(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Closing}
 
-    def post(self, request: Request, ticket_id: UUID) -> TicketView:
+    def post(self, request: Request, ticket_id: UUID) -> TicketDetail:
         """Close a ticket that a person has looked into; the reason is kept."""
         _seen(request, ticket_id)
         reason = body(request, Closing).reason
@@ -134,12 +134,12 @@ def _seen(request: Request, ticket_id: UUID) -> Ticket:
     return ticket
 
 
-def _ticket(request: Request, ticket: Ticket) -> TicketView:
+def _ticket(request: Request, ticket: Ticket) -> TicketDetail:
     ids = selectors.concerns([ticket])[ticket.id]
     allowed = resource_selectors.allowed_ids(user_of(request), Permission.RESOLVE)
     host_id = ticket.detail.get("host_id")
     host = None if host_id is None else enrollment_selectors.find_host(UUID(host_id))
-    return TicketView(
+    return TicketDetail(
         id=ticket.id,
         code=ticket.code,
         message=ticket.message,
@@ -148,7 +148,7 @@ def _ticket(request: Request, ticket: Ticket) -> TicketView:
             TicketResource(id=row.id, name=row.name, is_quarantined=row.quarantined_by is not None)
             for row in resource_selectors.rows(ids)
         ],
-        host=None if host is None else TicketHost(id=host.id, name=host.name),
+        host=None if host is None else NamedRef(id=host.id, name=host.name),
         opened_at=ticket.opened_at,
         closed_at=ticket.closed_at,
         closed_by=None if ticket.closed_by is None else ticket.closed_by.printed_name,

@@ -6,8 +6,6 @@ from collections.abc import Collection, Mapping
 from typing import Any
 from uuid import UUID
 
-import msgspec
-
 from labweb.crutd import selectors
 from labweb.crutd.answers import DoubtEnd, EventRow, EventSubjectRow
 from labweb.crutd.models import Event, EventSubject
@@ -40,7 +38,7 @@ def event_rows(events: list[Event], seen: Collection[UUID] | None = None) -> lis
     return [_event(event, subjects.get(event.id, []), ends.get(event.id)) for event in events]
 
 
-def _event(event: Event, subjects: list[EventSubject], end: Mapping[str, Any] | None) -> EventRow:
+def _event(event: Event, subjects: list[EventSubject], end: DoubtEnd | None) -> EventRow:
     operation = event.body.get("operation", {})
     change = event.body.get("change") or {}
     postings = change.get("postings", [])
@@ -68,7 +66,7 @@ def _event(event: Event, subjects: list[EventSubject], end: Mapping[str, Any] | 
         code=event.body.get("code", ""),
         message=event.body.get("message", ""),
         transaction_id=event.transaction_id,
-        resolved=None if end is None else msgspec.convert(end, DoubtEnd),
+        resolved=end,
     )
 
 

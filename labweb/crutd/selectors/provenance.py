@@ -109,8 +109,8 @@ def transaction_facts(ids: Iterable[UUID]) -> list[TransactionFact]:
 def _with_end(fact: TransactionFact, end: Resolved | None) -> TransactionFact:
     if end is None:
         return fact
-    told = end.to_json()
-    return replace(fact, doubt_at=told["doubt_at"], resolved=f"{told['text']}, {told['at']}")
+    resolved = f"{end.told().text}, {iso(end.at)}"
+    return replace(fact, doubt_at=iso(end.doubt_at) or "", resolved=resolved)
 
 
 def _fact(row: Transaction, seq: int, digest: str, at: Any) -> TransactionFact:  # noqa: ANN401

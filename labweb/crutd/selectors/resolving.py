@@ -9,7 +9,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.accounts import selectors as account_selectors
-from labweb.common.render import iso
+from labweb.crutd.answers import DoubtEnd
 from labweb.crutd.models import Event
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.resolved import resolution_words
@@ -29,19 +29,19 @@ class Resolved:
 
     resolution: Mapping[str, Any]
 
-    def to_json(self) -> dict[str, Any]:
-        """Render as plain data, with a sentence for people."""
-        return {
-            "doubt_at": iso(self.doubt_at),
-            "at": iso(self.at),
-            "state": self.state,
-            "by": self.by,
-            "answer": self.resolution.get("answer") or "",
-            "moved_nl": self.resolution.get("moved_nl"),
-            "note": self.resolution.get("note") or "",
-            "despite_reading": self.resolution.get("despite_reading") or "",
-            "text": resolution_words(self.resolution, self.state, self.by),
-        }
+    def told(self) -> DoubtEnd:
+        """Say it, with a sentence for people."""
+        return DoubtEnd(
+            doubt_at=self.doubt_at,
+            at=self.at,
+            state=TransactionState(self.state),
+            by=self.by,
+            answer=self.resolution.get("answer") or "",
+            moved_nl=self.resolution.get("moved_nl"),
+            note=self.resolution.get("note") or "",
+            despite_reading=self.resolution.get("despite_reading") or "",
+            text=resolution_words(self.resolution, self.state, self.by),
+        )
 
 
 def resolved_of(transaction_ids: Iterable[UUID]) -> dict[UUID, Resolved]:
@@ -74,10 +74,10 @@ def resolved_of(transaction_ids: Iterable[UUID]) -> dict[UUID, Resolved]:
     }
 
 
-def ends_of_doubts(events: Iterable[Event]) -> dict[int, dict[str, Any]]:
+def ends_of_doubts(events: Iterable[Event]) -> dict[int, DoubtEnd]:
     """Return, by the id of an event that left a doubt, how that ended; none while it lasts."""
     doubts = [one for one in events if one.state == TransactionState.QUARANTINED.value]
     found = resolved_of(one.transaction_id for one in doubts)
     return {
-        one.id: found[one.transaction_id].to_json() for one in doubts if one.transaction_id in found
+        one.id: found[one.transaction_id].told() for one in doubts if one.transaction_id in found
     }

@@ -9,10 +9,10 @@ from uuid import UUID
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NumberedRef
 from labweb.runs.answers.calibrations import CalibrationChange
-from labweb.runs.answers.labels import RunLabel, RunWorkflow
 from labweb.runs.answers.plans import PlanView
+from labweb.runs.answers.rows import RunWorkflow
 
 RequestState = Literal["open", "approved", "rejected", "withdrawn", "expired"]
 RequestAbout = Literal["run", "calibration"]
@@ -24,7 +24,7 @@ def request_state(word: str) -> RequestState:
     return found
 
 
-class Asker(ApiAnswer):
+class ApprovalAsker(ApiAnswer):
     """Who asked for an approval."""
 
     name: str
@@ -47,12 +47,12 @@ class ApprovalRow(ApiAnswer):
     title: str
     state: RequestState
     about: RequestAbout
-    run: RunLabel
+    run: NumberedRef
     """The run that waits for it, or that measured."""
 
     workflow: RunWorkflow
     policies: list[str]
-    asked_by: Asker
+    asked_by: ApprovalAsker
     asked_at: datetime
     expires_at: datetime
     plan_digest: str

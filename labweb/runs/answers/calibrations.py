@@ -8,7 +8,7 @@ from uuid import UUID
 
 from msgspec import UNSET, UnsetType
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.domain.calibration.judge import LevelResult
 from labweb.domain.calibration.model import Quantity, Standing
 from labweb.domain.calibration.order import Reference
@@ -155,17 +155,10 @@ class CalibrationsOfDevice(ApiAnswer):
     """What `after` takes for the next page; null: this is the last one."""
 
 
-class CalibratedDevice(ApiAnswer):
-    """The device that a calibration is of."""
-
-    id: UUID
-    name: str
-
-
 class CalibrationChange(ApiAnswer):
     """What a decision changes: the calibration that holds now, and the one that waits."""
 
-    device: CalibratedDevice
+    device: NamedRef
     quantity: Quantity
     unit: str
     is_relative: bool

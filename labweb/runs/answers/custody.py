@@ -7,23 +7,9 @@ from uuid import UUID
 
 from msgspec import field
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.domain.graph.topology import Medium
 from labweb.domain.runs.custody import CustodyState
-
-
-class CustodyHost(ApiAnswer):
-    """An edge host that writes a vessel's facts, or will."""
-
-    id: UUID
-    name: str
-
-
-class CustodyPlace(ApiAnswer):
-    """The place that a vessel is carried to."""
-
-    id: UUID
-    name: str
 
 
 class CustodyMove(ApiAnswer):
@@ -31,9 +17,9 @@ class CustodyMove(ApiAnswer):
 
     id: UUID
     state: CustodyState
-    origin: CustodyHost | None = field(name="from")
-    target: CustodyHost | None = field(name="to")
-    place: CustodyPlace | None
+    origin: NamedRef | None = field(name="from")
+    target: NamedRef | None = field(name="to")
+    place: NamedRef | None
     """Null: there is none, or the caller may not see it."""
 
     asked_by: str | None
@@ -63,7 +49,7 @@ class PlaceChoice(ApiAnswer):
 class CustodyDetail(ApiAnswer):
     """Which host writes a vessel's facts, and the move that it is on."""
 
-    host: CustodyHost | None
+    host: NamedRef | None
     move: CustodyMove | None
     connections: list[CustodyConnection]
     """It is not carried before these are off."""

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NumberedRef
 from labweb.domain.errors import Finding
 from labweb.domain.runs.job import RunState
 from labweb.domain.runs.recovery import Wait
@@ -82,13 +82,6 @@ class LastRunOf(ApiAnswer):
     """What a person has to say before it can go on."""
 
 
-class LatestVersion(ApiAnswer):
-    """The newest version of a workflow."""
-
-    id: UUID
-    number: int
-
-
 class WorkflowOverview(ApiAnswer):
     """A workflow with its last run."""
 
@@ -96,7 +89,7 @@ class WorkflowOverview(ApiAnswer):
     name: str
     description: str
     is_template: bool
-    latest_version: LatestVersion | None
+    latest_version: NumberedRef | None
     steps_count: int
     updated_at: datetime
     updated_by: str | None
@@ -111,7 +104,7 @@ class WorkflowOverviewList(ApiAnswer):
     """What `after` takes for the next page; null: this is the last one."""
 
 
-class WorkflowWhole(WorkflowOverview):
+class WorkflowDetail(WorkflowOverview):
     """A workflow with its draft and versions."""
 
     draft: dict[str, Any]

@@ -10,7 +10,7 @@ from uuid import UUID
 import msgspec
 from msgspec import UNSET, UnsetType
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, KeyedRef
 from labweb.domain.calibration.model import Correction
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.recovery import Choice
@@ -146,14 +146,6 @@ class JobQuestion(ApiAnswer):
     answered_at: datetime | None
 
 
-class JobDevice(ApiAnswer):
-    """The device of a job."""
-
-    id: UUID
-    name: str
-    key: str
-
-
 class JobTransaction(ApiAnswer):
     """The transaction of the newest try of a job."""
 
@@ -168,7 +160,7 @@ class JobRow(ApiAnswer):
     index: int
     step_id: str
     sentence: str
-    device: JobDevice
+    device: KeyedRef
     choices_count: int
     """How many devices may do it, where its step asks for a role; 0: its device alone."""
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.domain.workflows.plan import PlannedStep
-from labweb.runs.answers.labels import RunDevice
 
 
 class PlanJob(ApiAnswer):
@@ -15,7 +14,7 @@ class PlanJob(ApiAnswer):
     index: int
     step_id: str
     sentence: str
-    device: RunDevice
+    device: NamedRef
     choices_count: int
     """How many devices may do it, where its step asks for a role; 0: its device alone."""
 

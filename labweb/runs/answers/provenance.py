@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, KeyedRef, NamedRef
 from labweb.domain.crutd.provenance.graph import Bond, Kind
 from labweb.domain.runs.job import JobState
 
@@ -109,25 +109,10 @@ class DeviceStay(ApiAnswer):
     has_more_acts: bool
 
 
-class StayResource(ApiAnswer):
-    """The resource of which the stays are told."""
-
-    id: UUID
-    name: str
-
-
-class StayDevice(ApiAnswer):
-    """The device in which it was."""
-
-    id: UUID
-    name: str
-    key: str
-
-
 class ResourceConditions(ApiAnswer):
     """What a device told while a resource was in it."""
 
-    resource: StayResource
-    device: StayDevice
+    resource: NamedRef
+    device: KeyedRef
     stays: list[DeviceStay]
     is_truncated: bool

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from uuid import UUID
 
-from labweb.common.answers import ApiAnswer
+from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.crutd.answers import DoubtEnd
 from labweb.telemetry.answers import ReadingRow
 
@@ -33,13 +33,6 @@ class MassAccount(ApiAnswer):
     lots: list[LotMass]
 
 
-class ProductPlace(ApiAnswer):
-    """A vessel in which a product stands now."""
-
-    id: UUID
-    name: str
-
-
 class ProductYield(ApiAnswer):
     """What came of a chain of reactions, on the lot that limits the first of them."""
 
@@ -54,7 +47,7 @@ class ProductYield(ApiAnswer):
     """1.0 for all of it; null: something is not stated, and `missing` names the lots."""
 
     missing: list[str]
-    stands_in: list[ProductPlace]
+    stands_in: list[NamedRef]
 
 
 class RunDoubt(ApiAnswer):
@@ -74,7 +67,7 @@ class UnconfirmedJob(ApiAnswer):
     message: str
 
 
-class RunReportPage(ApiAnswer):
+class RunReport(ApiAnswer):
     """What a run did with matter."""
 
     started_at: datetime | None

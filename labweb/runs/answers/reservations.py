@@ -5,21 +5,14 @@ from __future__ import annotations
 from datetime import datetime
 from uuid import UUID
 
-from labweb.common.answers import ApiAnswer
-
-
-class ReservedResource(ApiAnswer):
-    """The resource that is reserved."""
-
-    id: UUID
-    name: str
+from labweb.common.answers import ApiAnswer, NamedRef
 
 
 class ReservationRow(ApiAnswer):
     """Exclusive use of a resource in the near future; the time ends it."""
 
     id: UUID
-    resource: ReservedResource
+    resource: NamedRef
     holder: str
     is_own: bool
     may_end: bool

@@ -10,17 +10,18 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer
+from labweb.domain.graph.lab_file.model import Mode
 from labweb.domain.runs.job import RunState
-from labweb.runs.answers.labels import RunWorkflow
 
 RecoveryName = Literal["retry", "change", "done_by_hand", "skip"]
-LabMode = Literal["sim", "live"]
 
 
-def lab_mode(word: str) -> LabMode:
-    """Return the kept mode of a lab as the word that it is."""
-    found: LabMode = msgspec.convert(word, LabMode)
-    return found
+class RunWorkflow(ApiAnswer):
+    """The version of a workflow that a run carries out."""
+
+    id: UUID
+    name: str
+    version: int
 
 
 class PauseReason(ApiAnswer, kw_only=True):
@@ -77,7 +78,7 @@ class RunWait(ApiAnswer):
     """The whole sentence: "waits for run #12, which holds Reactor 1 until its step 7"."""
 
 
-class RunHold(ApiAnswer):
+class RunHoldRow(ApiAnswer):
     """Something that a run keeps for itself now."""
 
     resource_id: UUID
@@ -94,7 +95,7 @@ class RunRow(ApiAnswer):
     id: UUID
     number: int
     workflow: RunWorkflow
-    mode: LabMode
+    mode: Mode
     state: RunState
     created_by: str
     created_at: datetime
@@ -114,7 +115,7 @@ class RunRow(ApiAnswer):
     waits_for: RunWait | None
     """The run that keeps what this one needs, or asked for it before."""
 
-    holds: list[RunHold]
+    holds: list[RunHoldRow]
     """What the run keeps for itself now."""
 
     recoveries: list[RunRecovery]

@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Literal
+from typing import Any
 from uuid import UUID
 
-import msgspec
 from msgspec import UNSET, UnsetType
 
-from labweb.common.answers import ApiAnswer
-from labweb.crutd.answers import DoubtEnd, EventRow
+from labweb.common.answers import ApiAnswer, NamedRef, NumberedRef
+from labweb.crutd.answers import DoubtEnd
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.halt_state import HaltState
 from labweb.domain.workflows.plan import Execution
 from labweb.runs.answers.jobs import JobRow
-from labweb.runs.answers.labels import RunDevice, RunLabel
 from labweb.runs.answers.plans import PlanView
 from labweb.runs.answers.rows import RunRow
-
-JobFileState = Literal["awaited", "pending", "parsed", "refused", "lost"]
-
-
-def file_state(word: str) -> JobFileState:
-    """Return the kept state of a file that was named as the word that it is."""
-    found: JobFileState = msgspec.convert(word, JobFileState)
-    return found
+from labweb.telemetry.answers import FileState
 
 
-class GivenUp(ApiAnswer):
+class RunGivenUp(ApiAnswer):
     """Who aborted a run, when and why."""
 
     by: str
@@ -40,12 +31,12 @@ class DeviceHaltRow(ApiAnswer):
     """A wish to halt one device, and what came of it."""
 
     id: UUID
-    device: RunDevice
+    device: NamedRef
     state: HaltState
     message: str
     at: datetime
     ended_at: datetime | None
-    run: RunLabel | None
+    run: NumberedRef | None
     """Run that was aborted; null: a person stopped the device."""
 
     by: str | None
@@ -59,7 +50,7 @@ class JobFile(ApiAnswer):
     name: str
     format: str
     size_bytes: int
-    state: JobFileState
+    state: FileState
     file_id: UUID | None
     code: str
     message: str
@@ -94,7 +85,7 @@ class HostAway(ApiAnswer):
 class SilentDevice(ApiAnswer):
     """A device on which something of a run stands, and of which it cannot be read back."""
 
-    device: RunDevice
+    device: NamedRef
     since_at: datetime
     sentences: list[str]
     """What was set on it, in the order in which it was sent."""
@@ -119,7 +110,7 @@ class RunRights(ApiAnswer):
     resolve: bool
 
 
-class RunView(RunRow):
+class RunDetail(RunRow):
     """A run whole."""
 
     document: dict[str, Any]
@@ -127,7 +118,7 @@ class RunView(RunRow):
 
     plan: PlanView
     jobs: list[JobRow]
-    given_up: GivenUp | None
+    given_up: RunGivenUp | None
     """Null: nobody aborted it, or it was before this was written down."""
 
     halts: list[DeviceHaltRow]
@@ -145,14 +136,6 @@ class RunView(RunRow):
     silent: list[SilentDevice]
     contradicted: list[ContradictedAnswer]
     can: RunRights
-
-
-class RunEventList(ApiAnswer):
-    """A page of what the transactions of a run did."""
-
-    events: list[EventRow]
-    next: str | None
-    """What `after` takes for the next page; null: this is the last one."""
 
 
 class LogLine(ApiAnswer, kw_only=True):

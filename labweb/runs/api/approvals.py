@@ -71,7 +71,7 @@ class Requests(Endpoint):
         )
 
 
-class RequestDetail(Endpoint):
+class OneRequest(Endpoint):
     """One approval request."""
 
     def get(self, request: Request, request_id: UUID) -> ApprovalDetail:

@@ -12,6 +12,7 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.approvals import selectors as approval_selectors
+from labweb.common.answers import NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
@@ -27,9 +28,9 @@ from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.answers.calibrations import (
-    CalibratedDevice,
     CalibratedQuantity,
     CalibrationChange,
+    CalibrationDetail,
     CalibrationPoint,
     CalibrationResult,
     CalibrationRights,
@@ -38,7 +39,6 @@ from labweb.runs.answers.calibrations import (
     CalibrationState,
     StatedAccuracy,
 )
-from labweb.runs.answers.calibrations import CalibrationDetail as Detail
 from labweb.runs.models import Calibration
 
 _MEASURED = (Quantity.VOLUME, Quantity.PH, Quantity.TEMPERATURE)
@@ -73,7 +73,7 @@ class DeviceCalibrations(Endpoint):
         page, following = HISTORY.of_rows(request, rows, "-made_at", "-id")
         return CalibrationsOfDevice(quantities=_quantities(device, page, user), next=following)
 
-    def post(self, request: Request, calibrated_id: UUID) -> Detail:
+    def post(self, request: Request, calibrated_id: UUID) -> CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return _begun(calibrated_id, body(request, VolumeOrder), user_of(request))
 
@@ -84,7 +84,7 @@ class PhCalibrations(Endpoint):
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": PhOrder}
     statuses: ClassVar = {"post": 201}
 
-    def post(self, request: Request, probe_id: UUID) -> Detail:
+    def post(self, request: Request, probe_id: UUID) -> CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return _begun(probe_id, body(request, PhOrder), user_of(request))
 
@@ -95,12 +95,12 @@ class TemperatureCalibrations(Endpoint):
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": TemperatureOrder}
     statuses: ClassVar = {"post": 201}
 
-    def post(self, request: Request, heating_id: UUID) -> Detail:
+    def post(self, request: Request, heating_id: UUID) -> CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return _begun(heating_id, body(request, TemperatureOrder), user_of(request))
 
 
-def _begun(device_id: UUID, order: Order, user: User) -> Detail:
+def _begun(device_id: UUID, order: Order, user: User) -> CalibrationDetail:
     """Begin a calibration with what the user may see, and tell of it."""
     for one in (device_id, order.device_id):
         enrollment_selectors.visible_device(one, user)
@@ -109,10 +109,10 @@ def _begun(device_id: UUID, order: Order, user: User) -> Detail:
     return calibration_detail(selectors.find_calibration(row.id), user)
 
 
-class CalibrationDetail(Endpoint):
+class OneCalibration(Endpoint):
     """One calibration."""
 
-    def get(self, request: Request, calibration_id: UUID) -> Detail:
+    def get(self, request: Request, calibration_id: UUID) -> CalibrationDetail:
         """Return it with its points and its result."""
         user = user_of(request)
         return calibration_detail(_find(calibration_id, user), user)
@@ -124,7 +124,7 @@ class DecideCalibration(Endpoint):
     signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CalibrationDecision}
 
-    def post(self, request: Request, calibration_id: UUID) -> Detail:
+    def post(self, request: Request, calibration_id: UUID) -> CalibrationDetail:
         """Accept or reject a result that somebody else measured."""
         user = user_of(request)
         wanted = body(request, CalibrationDecision)
@@ -140,7 +140,7 @@ class WithdrawCalibration(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CalibrationWithdrawal}
 
-    def post(self, request: Request, calibration_id: UUID) -> Detail:
+    def post(self, request: Request, calibration_id: UUID) -> CalibrationDetail:
         """Let it be relied on no more, for a reason."""
         user = user_of(request)
         wanted = body(request, CalibrationWithdrawal)
@@ -166,7 +166,7 @@ def result_of(row: Calibration, user: User) -> CalibrationChange:
     if was is not None:
         was.device = row.device
     return CalibrationChange(
-        device=CalibratedDevice(id=row.device_id, name=row.device.name),
+        device=NamedRef(id=row.device_id, name=row.device.name),
         quantity=quantity,
         unit=SYMBOLS[quantity],
         is_relative=IS_RELATIVE[quantity],
@@ -223,7 +223,7 @@ def _found(kept: object) -> CalibrationResult:
     return CalibrationResult(**msgspec.structs.asdict(msgspec.convert(kept, Result)))
 
 
-def calibration_detail(row: Calibration, user: User) -> Detail:
+def calibration_detail(row: Calibration, user: User) -> CalibrationDetail:
     """Say one calibration as a page shows it, with what this person may do."""
     reach = resource_selectors.permissions_of(user)
     may_decide = Permission.DECIDE in reach
@@ -231,7 +231,7 @@ def calibration_detail(row: Calibration, user: User) -> Detail:
     reasons: tuple[str, ...] = ()
     if row.expires_at is not None:
         standing, reasons = selectors.standing_of(row, row.device, at=now())
-    return Detail(
+    return CalibrationDetail(
         id=row.id,
         device_id=row.device_id,
         quantity=Quantity(row.quantity),

@@ -12,6 +12,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.answers import NamedRef
 from labweb.common.requests import Nothing, body
 from labweb.crutd.answers import EventRow
 from labweb.crutd.api import Act, HandOperations, OperationCheck, require_act, visible
@@ -30,9 +31,7 @@ from labweb.runs import selectors, services
 from labweb.runs.answers.custody import (
     CustodyConnection,
     CustodyDetail,
-    CustodyHost,
     CustodyMove,
-    CustodyPlace,
     HandOverAsked,
     HandOverStanding,
     PlaceChoice,
@@ -139,8 +138,8 @@ def _connections(resource_id: UUID, request: Request) -> list[CustodyConnection]
     ]
 
 
-def _host(host: EdgeHost | None) -> CustodyHost | None:
-    return None if host is None else CustodyHost(id=host.id, name=host.name)
+def _host(host: EdgeHost | None) -> NamedRef | None:
+    return None if host is None else NamedRef(id=host.id, name=host.name)
 
 
 def _move(move: Custody, request: Request) -> CustodyMove:
@@ -152,7 +151,7 @@ def _move(move: Custody, request: Request) -> CustodyMove:
         state=CustodyState(move.state),
         origin=_host(move.origin),
         target=_host(move.target),
-        place=CustodyPlace(id=place.id, name=place.name) if place and is_seen else None,
+        place=NamedRef(id=place.id, name=place.name) if place and is_seen else None,
         asked_by=None if move.asked_by is None else move.asked_by.printed_name,
         asked_at=move.at,
         released_at=move.released_at,

@@ -11,10 +11,11 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.answers import NumberedRef
 from labweb.common.lists import STANDING
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.runs.job import RunState
 from labweb.domain.workflows import plan as plans
@@ -27,9 +28,9 @@ from labweb.runs.answers.drawing import (
     LastRunOf,
     WordsOfStep,
     WorkflowCheck,
+    WorkflowDetail,
     WorkflowOverview,
     WorkflowOverviewList,
-    WorkflowWhole,
     check_findings,
 )
 from labweb.runs.api import render
@@ -49,7 +50,7 @@ class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
 class Check(Endpoint):
     """What a workflow would mean here and now."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CheckDocument}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
@@ -106,7 +107,7 @@ def _sentences(document: dict[str, Any], names: dict[str, str]) -> dict[str, lis
 class Workflows(Endpoint):
     """Workflows with their last runs."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": workflow_api.NewWorkflow}
     statuses: ClassVar[Mapping[str, int]] = {"post": 201}
     queries = STANDING.parameters
@@ -119,16 +120,16 @@ class Workflows(Endpoint):
         found, following = STANDING.of_list(request, rows, _place)
         return WorkflowOverviewList(workflows=_rendered(lab, found), next=following)
 
-    def post(self, request: Request) -> WorkflowWhole:
+    def post(self, request: Request) -> WorkflowDetail:
         """Create a workflow."""
         row = workflow_api.create(request)
         return _workflow(row.id, user_of(request))
 
 
-class WorkflowDetail(Endpoint):
+class OneWorkflow(Endpoint):
     """One workflow."""
 
-    def get(self, request: Request, workflow_id: UUID) -> WorkflowWhole:
+    def get(self, request: Request, workflow_id: UUID) -> WorkflowDetail:
         """Return a workflow with its draft and versions."""
         return _workflow(workflow_id, user_of(request))
 
@@ -144,8 +145,19 @@ def _rendered(lab: Lab, rows: Iterable[Workflow]) -> list[WorkflowOverview]:
 
 
 def _overview(row: Workflow, last: selectors.LastRun | None) -> WorkflowOverview:
-    told = {**workflow_api.render_row(row), "last_run": _last_run(last)}
-    return msgspec.convert(told, WorkflowOverview)
+    newest = max(row.versions.all(), key=lambda version: version.number, default=None)
+    steps = row.draft.get("steps")
+    return WorkflowOverview(
+        id=row.id,
+        name=row.name,
+        description=row.description,
+        is_template=row.is_template,
+        latest_version=None if newest is None else NumberedRef(id=newest.id, number=newest.number),
+        steps_count=len(steps) if isinstance(steps, list) else 0,
+        updated_at=row.updated_at,
+        updated_by=None if row.created_by is None else row.created_by.printed_name,
+        last_run=_last_run(last),
+    )
 
 
 def _place(row: Workflow) -> list[Any]:
@@ -164,10 +176,10 @@ def _last_run(last: selectors.LastRun | None) -> LastRunOf | None:
     )
 
 
-def _workflow(workflow_id: UUID, user: User) -> WorkflowWhole:
+def _workflow(workflow_id: UUID, user: User) -> WorkflowDetail:
     row = workflow_selectors.find_visible(workflow_id, user)
     last = selectors.last_runs(row.lab)
-    return WorkflowWhole(
+    return WorkflowDetail(
         **msgspec.structs.asdict(_overview(row, last.get(row.id))),
         draft=row.draft,
         draft_revision=row.draft_revision,

@@ -15,6 +15,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.answers import NamedRef, NumberedRef
 from labweb.common.download import Blocks
 from labweb.common.lists import HISTORY
 from labweb.common.requests import Parameter, id_of, identity, whole_number
@@ -34,13 +35,11 @@ from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry import services as telemetry_services
 from labweb.telemetry.answers import (
     DrawnSeries,
+    FileDetail,
     FileJob,
     FileList,
     FileRow,
-    FileRun,
     FileState,
-    FileSubject,
-    FileWithReadings,
     IncomingList,
     IncomingRow,
     KeptFile,
@@ -73,7 +72,7 @@ class Files(Endpoint):
 
     parser_classes = [MultiPartParser]
     forms: ClassVar[dict[str, dict[str, Any]]] = {"post": _UPLOAD}
-    answers: ClassVar = {"post": {201: FileWithReadings, 202: IncomingRow}}
+    answers: ClassVar = {"post": {201: FileDetail, 202: IncomingRow}}
 
     def initialize_request(
         self,
@@ -149,10 +148,10 @@ class IncomingFile(Endpoint):
         return _incoming(row)
 
 
-class FileDetail(Endpoint):
+class OneFile(Endpoint):
     """One file."""
 
-    def get(self, request: Request, file_id: UUID) -> FileWithReadings:
+    def get(self, request: Request, file_id: UUID) -> FileDetail:
         """Return a file with its readings and the series made from it."""
         return _detail(_find(request, file_id), user_of(request))
 
@@ -258,9 +257,9 @@ def _device(form: QueryDict, job: Job | None, seen: set[UUID]) -> Device | None:
     return device
 
 
-def _detail(row: File, user: User) -> FileWithReadings:
+def _detail(row: File, user: User) -> FileDetail:
     (told,) = file_rows([row], user)
-    return FileWithReadings(
+    return FileDetail(
         **msgspec.structs.asdict(told),
         facts=row.facts,
         readings=[render_reading(reading) for reading in row.readings.all()[:_MOST_ROWS]],
@@ -293,14 +292,14 @@ def file_rows(rows: Sequence[File], user: User) -> list[FileRow]:
     ]
 
 
-def _named(row: Resource | Device | None) -> FileSubject | None:
-    return None if row is None else FileSubject(id=row.pk, name=row.name)
+def _named(row: Resource | Device | None) -> NamedRef | None:
+    return None if row is None else NamedRef(id=row.pk, name=row.name)
 
 
 def _job_told(job: Job | None) -> FileJob | None:
     if job is None:
         return None
-    run = FileRun(id=job.run_id, number=job.run.number)
+    run = NumberedRef(id=job.run_id, number=job.run.number)
     return FileJob(id=job.pk, index=job.index, sentence=job.sentence, run=run)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from labweb.common.answers import NamedRef, NumberedRef
 from labweb.domain.runs.halt_state import HaltState
 from labweb.runs import selectors
-from labweb.runs.answers.labels import RunDevice, RunLabel
 from labweb.runs.answers.runs import DeviceHaltRow
 from labweb.runs.models import DeviceHalt, Run
 
@@ -20,11 +20,11 @@ def render_halt(row: DeviceHalt) -> DeviceHaltRow:
     """Render one halt of one device."""
     return DeviceHaltRow(
         id=row.id,
-        device=RunDevice(id=row.device_id, name=row.device.name),
+        device=NamedRef(id=row.device_id, name=row.device.name),
         state=HaltState(row.state),
         message=row.message,
         at=row.at,
         ended_at=row.ended_at,
-        run=None if row.run is None else RunLabel(id=row.run.id, number=row.run.number),
+        run=None if row.run is None else NumberedRef(id=row.run.id, number=row.run.number),
         by=None if row.asked_by is None else row.asked_by.printed_name,
     )

@@ -7,7 +7,7 @@ from uuid import UUID
 
 from labweb.domain.runs.holding import Mode
 from labweb.domain.runs.job import RunState
-from labweb.runs.answers.rows import RunHold, RunWait
+from labweb.runs.answers.rows import RunHoldRow, RunWait
 from labweb.runs.models import Run
 from labweb.runs.selectors.holding import holds_of
 
@@ -31,12 +31,12 @@ def render_wait(run: Run) -> RunWait | None:
     )
 
 
-def render_holds(runs: Iterable[Run]) -> dict[UUID, list[RunHold]]:
+def render_holds(runs: Iterable[Run]) -> dict[UUID, list[RunHoldRow]]:
     """Render what runs keep for themselves now, by run; one query."""
-    found: dict[UUID, list[RunHold]] = {}
+    found: dict[UUID, list[RunHoldRow]] = {}
     for row in holds_of([run.pk for run in runs]):
         found.setdefault(row.run_id, []).append(
-            RunHold(
+            RunHoldRow(
                 resource_id=row.resource_id,
                 resource=row.resource.name,
                 is_shared=row.mode in _SHARED,

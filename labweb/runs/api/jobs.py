@@ -9,12 +9,13 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.common.answers import KeyedRef
 from labweb.domain.calibration.model import Correction
 from labweb.domain.runs.context import without_surroundings
 from labweb.domain.runs.halting import is_halt_certain
 from labweb.domain.runs.job import JobState
 from labweb.runs import selectors
-from labweb.runs.answers.jobs import JobAsks, JobDevice, JobRow, JobTransaction, passed_by
+from labweb.runs.answers.jobs import JobAsks, JobRow, JobTransaction, passed_by
 from labweb.runs.api.pace import estimate_s
 from labweb.runs.api.question import render_question
 from labweb.runs.models import Attempt, Job
@@ -54,7 +55,7 @@ def render_job(
         index=job.index,
         step_id=job.step_id,
         sentence=job.sentence,
-        device=JobDevice(id=job.device_id, name=job.device.name, key=job.device.key),
+        device=KeyedRef(id=job.device_id, name=job.device.name, key=job.device.key),
         choices_count=len(job.choices),
         chosen=job.chosen or None,
         action=job.action,

@@ -14,7 +14,7 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.requests import Nothing, body
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.answers.lab import LabSummary
@@ -37,7 +37,7 @@ class LabView(Endpoint):
 class StopLab(Endpoint):
     """Software stop. It is never refused because a key is missing or was used before."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.SIMULATE}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.SIMULATE}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
     harmless: ClassVar[Mapping[str, str]] = {"post": "a lab that is stopped twice is stopped"}
 

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 from uuid import UUID
 
-import msgspec
-
 from labweb.crutd.answers import DoubtEnd
 from labweb.crutd.selectors.resolving import Resolved
 from labweb.domain.runs.custody import CustodyState
@@ -50,16 +48,16 @@ def _line(kind: str, report: dict[str, Any], sentence_text: str, end: Resolved |
     about = f", {message}" if message else ""
     if end is None or kind not in {"in_doubt", "resolved"}:
         return f"{sentence_text}: {kind.replace('_', ' ')}{about}"
-    told = end.to_json()
+    told = end.told()
     if kind == "resolved":
-        return f"{sentence_text}: {told['text']}" + (f". {told['note']}" if told["note"] else "")
-    return f"{sentence_text}: outcome not known then{about}. {told['text']}"
+        return f"{sentence_text}: {told.text}" + (f". {told.note}" if told.note else "")
+    return f"{sentence_text}: outcome not known then{about}. {told.text}"
 
 
 def _end_of(kind: str, end: Resolved | None) -> DoubtEnd | None:
     if end is None or kind != "in_doubt":
         return None
-    return msgspec.convert(end.to_json(), DoubtEnd)
+    return end.told()
 
 
 def render_hand_overs(run: Run) -> list[LogLine]:

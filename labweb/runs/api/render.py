@@ -11,8 +11,10 @@ import msgspec
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.approvals import selectors as approval_selectors
+from labweb.common.answers import NamedRef
 from labweb.common.prepared import together
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.graph.lab_file.model import Mode
 from labweb.domain.runs.departing import departures
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
 from labweb.domain.runs.session import SessionState
@@ -21,19 +23,17 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.answers.jobs import JobRow
-from labweb.runs.answers.labels import RunDevice, RunWorkflow
 from labweb.runs.answers.plans import PlanJob, PlanProof, PlanView
-from labweb.runs.answers.rows import PauseReason, RunHold, RunRecovery, RunRow, lab_mode
+from labweb.runs.answers.rows import PauseReason, RunHoldRow, RunRecovery, RunRow, RunWorkflow
 from labweb.runs.answers.runs import (
     ContradictedAnswer,
-    GivenUp,
     HostAway,
     JobFile,
     RunApproval,
+    RunDetail,
+    RunGivenUp,
     RunProof,
     RunRights,
-    RunView,
-    file_state,
 )
 from labweb.runs.api.halts import render_halts
 from labweb.runs.api.holds import render_holds, render_wait
@@ -42,6 +42,7 @@ from labweb.runs.api.pace import left_s, on_the_wall, planned_s, whole_s
 from labweb.runs.api.silence import render_silent
 from labweb.runs.models import Attempt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
+from labweb.telemetry.answers import FileState
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
 
@@ -62,7 +63,7 @@ def render_rows(runs: Iterable[Run]) -> list[RunRow]:
     return [_row(row, jobs.get(row.id, []), holds.get(row.id, [])) for row in rows]
 
 
-def _row(run: Run, jobs: list[Job], holds: list[RunHold]) -> RunRow:
+def _row(run: Run, jobs: list[Job], holds: list[RunHoldRow]) -> RunRow:
     steps = run.plan["steps"]
     left = [job for job in jobs if JobState(job.state) not in FINAL]
     present = [job for job in jobs if job.passed_by != "change"]
@@ -78,7 +79,7 @@ def _row(run: Run, jobs: list[Job], holds: list[RunHold]) -> RunRow:
         workflow=RunWorkflow(
             id=version.workflow_id, name=version.workflow.name, version=version.number
         ),
-        mode=lab_mode(run.lab.mode),
+        mode=Mode(run.lab.mode),
         state=RunState(run.state),
         created_by=run.created_by.printed_name,
         created_at=run.created_at,
@@ -112,7 +113,7 @@ def plan_view(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) ->
             index=job["index"],
             step_id=job["step_id"],
             sentence=job["sentence"],
-            device=RunDevice(
+            device=NamedRef(
                 id=UUID(str(job["device_id"])), name=names.get(str(job["device_id"]), "")
             ),
             choices_count=len(job.get("choices") or ()),
@@ -133,7 +134,7 @@ def plan_view(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) ->
     )
 
 
-def render_run(run: Run, user: User) -> RunView:
+def render_run(run: Run, user: User) -> RunDetail:
     """Render a run whole."""
     found: list[list[Any]] = together(
         selectors.JOBS_OF.asking(run=run.pk),
@@ -145,7 +146,7 @@ def render_run(run: Run, user: User) -> RunView:
         job.run = run
     request = next(iter(found[1]), None)
     allowed = resource_selectors.permissions_of(user, [role for (role,) in found[2]])
-    return RunView(
+    return RunDetail(
         **msgspec.structs.asdict(_row(run, jobs, render_holds([run]).get(run.pk, []))),
         document=run.version.document,
         plan=render_plan(run, jobs),
@@ -201,9 +202,9 @@ def _rights(run: Run, jobs: list[Job], user: User, allowed: Collection[Permissio
     )
 
 
-def _given_up(run: Run) -> GivenUp | None:
+def _given_up(run: Run) -> RunGivenUp | None:
     told = run.given_up
-    return None if told is None else GivenUp(by=told["by"], at=told["at"], reason=told["reason"])
+    return None if told is None else RunGivenUp(by=told["by"], at=told["at"], reason=told["reason"])
 
 
 def _proof(run: Run) -> RunProof | None:
@@ -231,7 +232,7 @@ def _files(jobs: list[Job]) -> list[JobFile]:
             name=row.name,
             format=row.format,
             size_bytes=row.size_bytes,
-            state=file_state(row.state),
+            state=msgspec.convert(str(row.state), FileState),
             file_id=row.file_id,
             code=row.code,
             message=row.message,

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from uuid import UUID
 
-import msgspec
 from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
-from labweb.crutd.answers import DoubtEnd
+from labweb.common.answers import NamedRef
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.balance import AccountChange, Yield
 from labweb.domain.crutd.provenance import is_nominal
@@ -19,10 +18,9 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs.answers.report import (
     LotMass,
     MassAccount,
-    ProductPlace,
     ProductYield,
     RunDoubt,
-    RunReportPage,
+    RunReport,
     UnconfirmedJob,
 )
 from labweb.runs.api.files import render_reading
@@ -30,10 +28,10 @@ from labweb.runs.api.runs import visible
 from labweb.runs.selectors.report import Report, report_of
 
 
-class RunReport(Endpoint):
+class ReportOfRun(Endpoint):
     """What a run did with matter."""
 
-    def get(self, request: Request, run_id: UUID) -> RunReportPage:
+    def get(self, request: Request, run_id: UUID) -> RunReport:
         """Return masses by account, yields by product, and readings that are series.
 
         Nothing in it was entered: masses follow from the ledger's entries and the densities of
@@ -48,7 +46,7 @@ class RunReport(Endpoint):
         ids = {UUID(c.account) for c in _all(report) if not is_nominal(c.account)}
         ids |= {vessel for places in report.standing.values() for vessel in places}
         names = {row.pk: row.name for row in resource_selectors.rows(ids & seen)}
-        return RunReportPage(
+        return RunReport(
             started_at=run.started_at,
             ended_at=run.ended_at,
             taken=[_change(change, report, names) for change in balance.taken],
@@ -63,7 +61,7 @@ class RunReport(Endpoint):
                 RunDoubt(
                     job_id=job.pk,
                     sentence=job.sentence,
-                    resolved=None if end is None else msgspec.convert(end.to_json(), DoubtEnd),
+                    resolved=None if end is None else end.told(),
                 )
                 for job, end in report.doubts
             ],
@@ -108,7 +106,7 @@ def _yield(one: Yield, report: Report, names: Mapping[UUID, str]) -> ProductYiel
         ratio=one.ratio,
         missing=[name(lot) for lot in one.missing],
         stands_in=[
-            ProductPlace(id=vessel, name=names[vessel])
+            NamedRef(id=vessel, name=names[vessel])
             for vessel in sorted(report.standing.get(one.product, {}))
             if vessel in names
         ],

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from labweb.accounts.selectors import User
 from labweb.approvals.selectors import ApprovalRequest
+from labweb.common.answers import NumberedRef
 from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
 from labweb.resources import selectors as resource_selectors
-from labweb.runs.answers.approvals import ApprovalRow, Asker, DecisionMade, request_state
-from labweb.runs.answers.labels import RunLabel, RunWorkflow
+from labweb.runs.answers.approvals import ApprovalAsker, ApprovalRow, DecisionMade, request_state
+from labweb.runs.answers.rows import RunWorkflow
 from labweb.runs.models import Run
 
 
@@ -39,14 +40,14 @@ def render_request(
         title=row.title,
         state=request_state(row.state),
         about="run" if row.calibration_id is None else "calibration",
-        run=RunLabel(id=run.id, number=run.number),
+        run=NumberedRef(id=run.id, number=run.number),
         workflow=RunWorkflow(
             id=run.version.workflow_id,
             name=run.version.workflow.name,
             version=run.version.number,
         ),
         policies=row.policies,
-        asked_by=Asker(name=row.asked_by.printed_name),
+        asked_by=ApprovalAsker(name=row.asked_by.printed_name),
         asked_at=row.asked_at,
         expires_at=row.expires_at,
         plan_digest=row.plan_digest,

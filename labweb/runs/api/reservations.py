@@ -11,6 +11,7 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.answers import NamedRef
 from labweb.common.lists import HISTORY
 from labweb.common.requests import Nothing, body
 from labweb.crutd.api import visible
@@ -25,7 +26,6 @@ from labweb.runs.answers.reservations import (
     ReservationRow,
     ReservationsMade,
     ReservationsOfResource,
-    ReservedResource,
 )
 from labweb.runs.services import reservations
 
@@ -111,7 +111,7 @@ class EndReservation(Endpoint):
 def _reservation(row: reserved.ResourceReservation, user: User) -> ReservationRow:
     return ReservationRow(
         id=row.pk,
-        resource=ReservedResource(id=row.resource_id, name=row.resource.name),
+        resource=NamedRef(id=row.resource_id, name=row.resource.name),
         holder=row.holder.printed_name,
         is_own=row.holder_id == user.pk,
         may_end=reservations.may_end(row, user),

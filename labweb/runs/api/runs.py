@@ -13,15 +13,16 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint, check_scope, is_by_token
 from labweb.accounts.selectors import User, user_of
+from labweb.common.answers import NumberedRef
 from labweb.common.lists import HISTORY, STANDING
 from labweb.common.reading import one_moment
 from labweb.common.requests import Parameter, body
 from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
-from labweb.crutd.answers import EventRun
+from labweb.crutd.answers import EventList
 from labweb.crutd.selectors.resolving import resolved_of
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.domain.graph.lab_file.model import Mode
 from labweb.domain.runs.context import without_surroundings
@@ -32,7 +33,7 @@ from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services
 from labweb.runs.answers.jobs import JobRow
 from labweb.runs.answers.rows import RunList
-from labweb.runs.answers.runs import LogLine, RunEventList, RunLogPage, RunView
+from labweb.runs.answers.runs import LogLine, RunDetail, RunLogPage
 from labweb.runs.api import log, render
 from labweb.runs.api.jobs import render_job
 from labweb.runs.models import HostEvent, Job, Run
@@ -134,15 +135,15 @@ def check_own(request: Request, run: Run) -> None:
     check_scope(request, scope_on(run.lab) if is_own else None)
 
 
-def scope_on(lab: Lab) -> Scope:
+def scope_on(lab: Lab) -> AccessScope:
     """Return the scope that a token needs to act on the runs of a lab."""
-    return Scope.SIMULATE if lab.mode == Mode.SIM else Scope.SUBMIT
+    return AccessScope.SIMULATE if lab.mode == Mode.SIM else AccessScope.SUBMIT
 
 
 class Runs(Endpoint):
     """Runs of the lab."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.SIMULATE}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.SIMULATE}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": StartRun}
     statuses: ClassVar[Mapping[str, int]] = {"post": 201}
     queries: ClassVar[Mapping[str, Parameter]] = {
@@ -168,7 +169,7 @@ class Runs(Endpoint):
             found, following = HISTORY.of_rows(request, rows, "-number")
             return RunList(runs=render.render_rows(found), next=following)
 
-    def post(self, request: Request) -> RunView:
+    def post(self, request: Request) -> RunDetail:
         """Start a version, or ask for approval where a policy wants it."""
         user = user_of(request)
         wanted = body(request, StartRun)
@@ -184,10 +185,10 @@ class Runs(Endpoint):
         return render.render_run(run, user)
 
 
-class RunDetail(Endpoint):
+class OneRun(Endpoint):
     """One run."""
 
-    def get(self, request: Request, run_id: UUID) -> RunView:
+    def get(self, request: Request, run_id: UUID) -> RunDetail:
         """Return a run whole."""
         user = user_of(request)
         with one_moment():
@@ -199,7 +200,7 @@ class RunEvents(Endpoint):
 
     queries = HISTORY.parameters
 
-    def get(self, request: Request, run_id: UUID) -> RunEventList:
+    def get(self, request: Request, run_id: UUID) -> EventList:
         """List what the run's transactions did, newest first."""
         run = visible(run_id, user_of(request))
         ids = run.jobs.values_list("id", flat=True)
@@ -207,8 +208,8 @@ class RunEvents(Endpoint):
         events, following = HISTORY.of_rows(request, rows, "-seq")
         found = crutd_api.event_rows(events)
         for event in found:
-            event.run = EventRun(id=run.id, number=run.number)
-        return RunEventList(events=found, next=following)
+            event.run = NumberedRef(id=run.id, number=run.number)
+        return EventList(events=found, next=following)
 
 
 class RunLog(Endpoint):
@@ -246,9 +247,9 @@ class RunLog(Endpoint):
 class PauseRun(Endpoint):
     """A pause."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.SIMULATE}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.SIMULATE}
 
-    def post(self, request: Request, run_id: UUID) -> RunView:
+    def post(self, request: Request, run_id: UUID) -> RunDetail:
         """Let nothing more of the run begin, and return it."""
         user = user_of(request)
         check_own(request, visible(run_id, user))
@@ -261,7 +262,7 @@ class ResumeRun(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Resume}
 
-    def post(self, request: Request, run_id: UUID) -> RunView:
+    def post(self, request: Request, run_id: UUID) -> RunDetail:
         """Let the run go on, and return it."""
         user, seen = user_of(request), body(request, Resume)
         visible(run_id, user)
@@ -272,10 +273,10 @@ class ResumeRun(Endpoint):
 class AbortRun(Endpoint):
     """The end of a run before its time."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.SIMULATE}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.SIMULATE}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
 
-    def post(self, request: Request, run_id: UUID) -> RunView:
+    def post(self, request: Request, run_id: UUID) -> RunDetail:
         """Have the run end, and return it."""
         user, reason = user_of(request), body(request, Reason).reason
         check_own(request, visible(run_id, user))
@@ -312,7 +313,7 @@ class RecoverJob(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": RecoveryAnswer}
 
-    def post(self, request: Request, job_id: UUID) -> RunView:
+    def post(self, request: Request, job_id: UUID) -> RunDetail:
         """Carry out a person's choice and return the run."""
         user = user_of(request)
         wanted = body(request, RecoveryAnswer)
@@ -340,7 +341,7 @@ class ConfirmJob(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Confirmation}
 
-    def post(self, request: Request, job_id: UUID) -> RunView:
+    def post(self, request: Request, job_id: UUID) -> RunDetail:
         """Let the job go, or plan the rest again with what is stated; return the run."""
         user = user_of(request)
         wanted = body(request, Confirmation)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from labweb.common.answers import NamedRef
 from labweb.runs import selectors
-from labweb.runs.answers.labels import RunDevice
 from labweb.runs.answers.runs import SilentDevice
 from labweb.runs.models import Run
 
@@ -14,7 +14,7 @@ def render_silent(run: Run) -> list[SilentDevice]:
         return []
     return [
         SilentDevice(
-            device=RunDevice(id=one.device.id, name=one.device.name),
+            device=NamedRef(id=one.device.id, name=one.device.name),
             since_at=one.since_at,
             sentences=[job.sentence for job in one.jobs],
         )

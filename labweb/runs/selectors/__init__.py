@@ -17,6 +17,7 @@ from labweb.common.prepared import Given, Prepared
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.disk import Level
 from labweb.domain.errors import NotFoundError
+from labweb.domain.graph.lab_file.model import Mode
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.domain.runs.recovery import Wait
 from labweb.domain.runs.session import SessionState
@@ -25,7 +26,6 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.answers.lab import LabCounts, LabStop, LabSummary, StopHost
-from labweb.runs.answers.rows import lab_mode
 from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
@@ -303,7 +303,7 @@ def lab_summary(lab: Lab) -> LabSummary:
         id=lab.id,
         key=lab.key,
         name=lab.name,
-        mode=lab_mode(lab.mode),
+        mode=Mode(lab.mode),
         time_zone=lab.time_zone,
         speed=max((host.pace for host in known), default=1.0),
         stop=_stop(lab, known),

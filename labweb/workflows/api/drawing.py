@@ -12,10 +12,9 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.lists import HISTORY
-from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.workflows.steps import palette
@@ -29,9 +28,9 @@ from labweb.workflows.answers import (
     StepChoice,
     StepPalette,
     UnitTable,
+    VersionDetail,
     VersionList,
     VersionRow,
-    VersionView,
 )
 from labweb.workflows.models import Workflow, WorkflowVersion
 
@@ -111,7 +110,7 @@ class NewVersion(msgspec.Struct, forbid_unknown_fields=True):
 class Drafts(Endpoint):
     """The draft of one workflow."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"put": Scope.DRAFT}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"put": AccessScope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"put": Draft}
 
     def put(self, request: Request, workflow_id: UUID) -> DraftSaved:
@@ -130,7 +129,7 @@ class Drafts(Endpoint):
 class Versions(Endpoint):
     """Versions of one workflow."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": NewVersion}
     queries = HISTORY.parameters
     statuses: ClassVar[dict[str, int]] = {"post": 201}
@@ -151,14 +150,14 @@ class Versions(Endpoint):
         return version_row(version)
 
 
-class VersionDetail(Endpoint):
+class OneVersion(Endpoint):
     """One version."""
 
-    def get(self, request: Request, workflow_id: UUID, number: int) -> VersionView:
+    def get(self, request: Request, workflow_id: UUID, number: int) -> VersionDetail:
         """Return a version with its document."""
         workflow = selectors.find_visible(workflow_id, user_of(request))
         version = selectors.find_numbered(workflow.id, number)
-        return VersionView(
+        return VersionDetail(
             **msgspec.structs.asdict(version_row(version)), document=version.document
         )
 
@@ -186,21 +185,3 @@ def version_row(row: WorkflowVersion) -> VersionRow:
         author=None if row.author is None else row.author.printed_name,
         at=row.at,
     )
-
-
-def render_row(row: Workflow) -> dict[str, Any]:
-    """Render a workflow for a list; its last run is put in by the caller."""
-    versions = sorted(row.versions.all(), key=lambda version: -version.number)
-    steps = row.draft.get("steps")
-    return {
-        "id": str(row.id),
-        "name": row.name,
-        "description": row.description,
-        "is_template": row.is_template,
-        "latest_version": {"id": str(versions[0].id), "number": versions[0].number}
-        if versions
-        else None,
-        "steps_count": len(steps) if isinstance(steps, list) else 0,
-        "updated_at": iso(row.updated_at),
-        "updated_by": None if row.created_by is None else row.created_by.printed_name,
-    }

@@ -11,7 +11,7 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.recipes.opening import Asked
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services
@@ -83,7 +83,7 @@ class Kept(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 class OpenRecipe(Endpoint):
     """A recipe on a rig."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
@@ -95,7 +95,7 @@ class OpenRecipe(Endpoint):
 class AdviseRecipe(Endpoint):
     """What to change in a rig for a recipe."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
@@ -107,7 +107,7 @@ class AdviseRecipe(Endpoint):
 class KeepRecipe(Endpoint):
     """A recipe as a workflow."""
 
-    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
+    scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Kept}
     statuses: ClassVar[dict[str, int]] = {"post": 201}
 

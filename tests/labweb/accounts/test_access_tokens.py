@@ -13,7 +13,7 @@ from django.http import HttpResponse
 from labweb.accounts import services
 from labweb.accounts.models import AccessToken, AuditEntry
 from labweb.common.clock import now
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import MOST_TOKENS, AccessScope
 from tests.builders import PASSWORD, Bench
 from tests.labweb.web import call, code_of, read, signed_in
 
@@ -21,7 +21,7 @@ PATH = "/api/v1/tokens"
 WANTED = {"name": "nightly figures", "scope": "read", "days": 30}
 
 
-def made(bench: Bench, scope: Scope, who: str = "chemist") -> tuple[AccessToken, str]:
+def made(bench: Bench, scope: AccessScope, who: str = "chemist") -> tuple[AccessToken, str]:
     return services.make_token(
         bench.people[who], lab_id=bench.lab.pk, name=f"script {scope}", scope=scope, days=30
     )
@@ -56,7 +56,7 @@ def test_a_token_is_shown_once_and_opens_what_its_owner_may_see(bench: Bench) ->
 
 
 def test_the_secret_stands_nowhere_in_the_database(bench: Bench) -> None:
-    _, secret = made(bench, Scope.READ)
+    _, secret = made(bench, AccessScope.READ)
     with connection.cursor() as cursor:
         cursor.execute("SELECT count(*) FROM accounts_accesstoken t WHERE t::text LIKE %s",
                        [f"%{secret}%"])  # fmt: skip
@@ -67,7 +67,7 @@ def test_the_secret_stands_nowhere_in_the_database(bench: Bench) -> None:
 
 
 def test_a_token_that_is_not_valid_opens_nothing(bench: Bench) -> None:
-    row, secret = made(bench, Scope.READ)
+    row, secret = made(bench, AccessScope.READ)
     assert refusal(shown("labweb_guess", "GET", "/api/v1/runs")) == (401, "http.token_refused")
     assert refusal(shown("something else", "GET", "/api/v1/runs"))[0] == 401
     rows = AccessToken.objects.filter(pk=row.pk)
@@ -95,19 +95,19 @@ def test_a_token_that_is_not_valid_opens_nothing(bench: Bench) -> None:
 def test_no_token_does_what_a_person_has_to_do(
     bench: Bench, method: str, path: str, body: object
 ) -> None:
-    _, secret = made(bench, Scope.SUBMIT, "admin")
+    _, secret = made(bench, AccessScope.SUBMIT, "admin")
     assert refusal(shown(secret, method, path, body)) == (403, "token.not_by_token")
 
 
 def test_each_scope_holds_those_before_it() -> None:
-    for place, scope in enumerate(Scope):
-        assert [scope.holds(other) for other in Scope] == [
-            number <= place for number, _ in enumerate(Scope)
+    for place, scope in enumerate(AccessScope):
+        assert [scope.holds(other) for other in AccessScope] == [
+            number <= place for number, _ in enumerate(AccessScope)
         ]
 
 
 def test_a_token_is_revoked_by_its_owner_or_an_admin(bench: Bench) -> None:
-    row, secret = made(bench, Scope.READ)
+    row, secret = made(bench, AccessScope.READ)
     path = f"{PATH}/{row.pk}"
     other = call(signed_in(bench.people["approver"]), "DELETE", path)
     assert refusal(other) == (403, "token.of_another")
@@ -142,7 +142,7 @@ def test_what_is_no_token_is_refused(bench: Bench, change: dict[str, Any], code:
 
 def test_a_name_is_given_once_and_nobody_has_too_many(bench: Bench) -> None:
     client = signed_in(bench.people["chemist"])
-    for number in range(services.MOST_TOKENS):
+    for number in range(MOST_TOKENS):
         assert call(client, "POST", PATH, WANTED | {"name": f"t{number}"}).status_code == 201
     again = call(client, "POST", PATH, WANTED | {"name": "t3"})
     assert refusal(again) == (409, "token.name_taken")
@@ -153,22 +153,22 @@ def test_a_name_is_given_once_and_nobody_has_too_many(bench: Bench) -> None:
 
 
 def test_a_token_is_no_session_and_needs_no_cookie(bench: Bench) -> None:
-    _, secret = made(bench, Scope.READ)
+    _, secret = made(bench, AccessScope.READ)
     answer = shown(secret, "GET", "/api/v1/runs")
     assert "sessionid" not in answer.cookies
     assert refusal(call(signed_in(None), "GET", "/api/v1/runs"))[0] == 403
 
 
 REACH = [
-    ("POST", "/api/v1/workflows", {"name": "By a script"}, Scope.DRAFT),
-    ("POST", "/api/v1/lab/stop", {}, Scope.SIMULATE),
+    ("POST", "/api/v1/workflows", {"name": "By a script"}, AccessScope.DRAFT),
+    ("POST", "/api/v1/lab/stop", {}, AccessScope.SIMULATE),
 ]
 
 
 @pytest.mark.parametrize(("method", "path", "body", "needed"), REACH)
-@pytest.mark.parametrize("scope", Scope)
+@pytest.mark.parametrize("scope", AccessScope)
 def test_a_scope_reaches_as_far_as_it_says(
-    bench: Bench, scope: Scope, method: str, path: str, body: object, needed: Scope
+    bench: Bench, scope: AccessScope, method: str, path: str, body: object, needed: AccessScope
 ) -> None:
     _, secret = made(bench, scope)
     answer = shown(secret, method, path, body)
@@ -180,8 +180,8 @@ def test_a_scope_reaches_as_far_as_it_says(
 
 def test_a_live_lab_needs_more_than_a_simulated_one(bench: Bench) -> None:
     body = {"version_id": str(bench.version("Move 5 mL of water").id)}
-    _, simulates = made(bench, Scope.SIMULATE)
-    _, submits = made(bench, Scope.SUBMIT)
+    _, simulates = made(bench, AccessScope.SIMULATE)
+    _, submits = made(bench, AccessScope.SUBMIT)
     bench.lab.mode = "live"
     bench.lab.save()
     assert refusal(shown(simulates, "POST", "/api/v1/runs", body)) == (403, "token.scope")
@@ -190,8 +190,8 @@ def test_a_live_lab_needs_more_than_a_simulated_one(bench: Bench) -> None:
 
 def test_a_token_aborts_the_runs_of_its_owner_alone(bench: Bench) -> None:
     body = {"version_id": str(bench.version("Move 5 mL of water").id)}
-    _, own = made(bench, Scope.SIMULATE)
-    _, other = made(bench, Scope.SUBMIT, "approver")
+    _, own = made(bench, AccessScope.SIMULATE)
+    _, other = made(bench, AccessScope.SUBMIT, "approver")
     run = json.loads(shown(own, "POST", "/api/v1/runs", body).content)
     path = f"/api/v1/runs/{run['id']}/abort"
     refused = shown(other, "POST", path, {"reason": "mine"})
@@ -201,17 +201,17 @@ def test_a_token_aborts_the_runs_of_its_owner_alone(bench: Bench) -> None:
 
 def test_another_password_revokes_the_tokens(bench: Bench) -> None:
     chemist = bench.people["chemist"]
-    _, secret = made(bench, Scope.READ)
+    _, secret = made(bench, AccessScope.READ)
     services.change_password(chemist, old=PASSWORD, new="another-long-passphrase")
     assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
     chemist.refresh_from_db()
-    _, secret = made(bench, Scope.DRAFT)
+    _, secret = made(bench, AccessScope.DRAFT)
     services.note_foreign_password(chemist)
     assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
 
 
 def test_the_audit_trail_says_by_which_token_it_was(bench: Bench) -> None:
-    row, secret = made(bench, Scope.SIMULATE)
+    row, secret = made(bench, AccessScope.SIMULATE)
     assert shown(secret, "POST", "/api/v1/lab/stop", {}).status_code == 200
     entry = AuditEntry.objects.filter(action="lab.stop").latest("id")
     assert entry.detail["token"] == {"id": str(row.pk), "name": row.name}

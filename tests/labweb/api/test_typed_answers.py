@@ -41,6 +41,7 @@ def _untyped(schema: Mapping[str, Any]) -> list[str]:
                 for status, answer in answers.items()
                 if str(status).startswith("2")
             ]
+            bodies = [body.get("oneOf", [body])[0] for body in bodies]
             if any("$ref" not in body and body.get("format") != "binary" for body in bodies):
                 found.append(f"{method} {path}")
     return found

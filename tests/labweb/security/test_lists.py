@@ -23,7 +23,7 @@ from labweb.accounts.models import AccessToken
 from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, EventHead, ResourceReservation
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost, JoinToken
 from labweb.resources.models import Connection, Resource
@@ -103,7 +103,7 @@ def _calibrated_again(bench: Bench, ids: dict[str, str]) -> None:
 def a_token_of_admin(bench: Bench) -> None:
     admin = bench.people["admin"]
     row, _ = account_services.make_token(
-        admin, lab_id=bench.lab.pk, name=uuid4().hex, scope=Scope.READ, days=1
+        admin, lab_id=bench.lab.pk, name=uuid4().hex, scope=AccessScope.READ, days=1
     )
     AccessToken.objects.filter(pk=row.pk).update(revoked_at=row.created_at)
 

@@ -15,7 +15,7 @@ from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import ResourceReservation
-from labweb.domain.approvals.scopes import Scope
+from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.enrollment.join import Ask, code_of, parse_token
 from labweb.domain.messages import SimulatedModel, TryoutOffer, TryoutTold
 from labweb.domain.runs.session import SessionState
@@ -218,7 +218,7 @@ def an_access_token(bench: Bench) -> AccessToken:
     """A token of a person who is in no table here."""
     owner = a_user("chemist", on=bench.node("lab"), name="token_owner")
     row, _ = account_services.make_token(
-        owner, lab_id=bench.lab.pk, name="nightly", scope=Scope.READ, days=30
+        owner, lab_id=bench.lab.pk, name="nightly", scope=AccessScope.READ, days=30
     )
     return row
 
