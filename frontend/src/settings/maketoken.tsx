@@ -2,35 +2,35 @@
 
 import { useState } from "react";
 import { useMakeToken } from "@/api/tokens";
-import type { NewAccessToken, TokenScope } from "@/model/wiretokens";
+import type { TokenScope } from "@/model/wiretokens";
 import { AskForm } from "@/ui/askform";
 import { Button, Dialog, Segments, TextField } from "@/ui/controls";
 import { DAYS, SCOPES, words } from "./words";
 
+type MakesToken = ReturnType<typeof useMakeToken>;
+
 export function MakeToken({ isOpen, onClose }: { isOpen: boolean; onClose: () => void }) {
-  const [made, setMade] = useState<NewAccessToken | null>(null);
+  const make = useMakeToken();
   const close = (): void => {
-    setMade(null);
+    make.reset();
     onClose();
   };
-  // The secret is shown once: neither Esc nor a press beside the dialog takes it away.
-  const leave = made ? () => undefined : close;
   return (
     <Dialog
-      title={made ? words.secretTitle : words.makeTitle}
+      title={make.data ? words.secretTitle : words.makeTitle}
       isOpen={isOpen}
-      onClose={leave}
+      onClose={close}
       size={520}
       testId="token-dialog"
+      isHeld={make.isPending || make.data !== undefined}
     >
-      {isOpen && !made && <MakeForm onMade={setMade} onClose={close} />}
-      {made && <Secret secret={made.secret} onClose={close} />}
+      {isOpen && !make.data && <MakeForm make={make} onClose={close} />}
+      {make.data && <Secret secret={make.data.secret} onClose={close} />}
     </Dialog>
   );
 }
 
-function MakeForm(props: { onMade: (made: NewAccessToken) => void; onClose: () => void }) {
-  const make = useMakeToken();
+function MakeForm({ make, onClose }: { make: MakesToken; onClose: () => void }) {
   const [name, setName] = useState("");
   const [scope, setScope] = useState<TokenScope>("read");
   const [days, setDays] = useState<(typeof DAYS)[number]["value"]>("30");
@@ -41,8 +41,8 @@ function MakeForm(props: { onMade: (made: NewAccessToken) => void; onClose: () =
       asked={make}
       send={words.send}
       why={name.trim() ? null : words.emptyName}
-      onSend={() => make.mutate({ name, scope, days: Number(days) }, { onSuccess: props.onMade })}
-      onCancel={props.onClose}
+      onSend={() => make.mutate({ name, scope, days: Number(days) })}
+      onCancel={onClose}
     >
       <TextField
         label={words.name}

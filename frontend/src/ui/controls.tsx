@@ -99,7 +99,10 @@ export function Dialog(props: {
   children: ReactNode;
   size?: number;
   testId?: string;
+  /** It shows what is shown once: only a button in it closes it. */
+  isHeld?: boolean;
 }) {
+  const isHeld = props.isHeld ?? false;
   return (
     <Modal
       opened={props.isOpen}
@@ -110,6 +113,9 @@ export function Dialog(props: {
       yOffset="max(5dvh, 60px)" // below the head, which stays in sight with its stop
       transitionProps={{ transition: "fade", duration: 120 }}
       closeButtonProps={{ "aria-label": "Close" }}
+      withCloseButton={!isHeld}
+      closeOnEscape={!isHeld}
+      closeOnClickOutside={!isHeld}
       data-testid={props.testId}
     >
       {props.children}
