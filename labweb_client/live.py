@@ -59,14 +59,14 @@ def follow(url: str, token: str, topics: Iterable[str]) -> Iterator[Iterator[New
     with connect(address_of(url), additional_headers=_headers(token)) as socket:
 
         def listen() -> Iterator[_Frame]:
-            try:
-                while True:
-                    yield _read(socket.recv())
-            except ConnectionClosed as error:
-                raise _ended(error) from error
+            while True:
+                with _reason_of_close():
+                    frame = socket.recv()
+                yield _read(frame)
 
-        socket.send(_subscription(topics), text=True)
-        socket.send(_PING, text=True)
+        with _reason_of_close():
+            socket.send(_subscription(topics), text=True)
+            socket.send(_PING, text=True)
         frames = listen()
         early = []
         for frame in frames:
@@ -84,14 +84,14 @@ async def follow_async(
     async with connect_async(address_of(url), additional_headers=_headers(token)) as socket:
 
         async def listen() -> AsyncIterator[_Frame]:
-            try:
-                while True:
-                    yield _read(await socket.recv())
-            except ConnectionClosed as error:
-                raise _ended(error) from error
+            while True:
+                with _reason_of_close():
+                    frame = await socket.recv()
+                yield _read(frame)
 
-        await socket.send(_subscription(topics), text=True)
-        await socket.send(_PING, text=True)
+        with _reason_of_close():
+            await socket.send(_subscription(topics), text=True)
+            await socket.send(_PING, text=True)
         frames = listen()
         early = []
         async for frame in frames:
@@ -126,6 +126,15 @@ def _read(frame: str | bytes) -> _Frame:
 
 def _news(frame: _Frame) -> News:
     return News(frame.topic, frame.seq, frame.at, frame.data)
+
+
+@contextmanager
+def _reason_of_close() -> Iterator[None]:
+    """Say why the server closed the stream: it may do so before the first frame is sent."""
+    try:
+        yield
+    except ConnectionClosed as error:
+        raise _ended(error) from error
 
 
 def _ended(error: ConnectionClosed) -> LabwebError:
