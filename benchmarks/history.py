@@ -17,8 +17,8 @@ from django.db import connection
 from django.db.transaction import atomic
 
 from labweb.crutd.models import EventHead
-from labweb.crutd.selectors.chain import event_hash, first_broken_event
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.event_chain import event_hash, first_broken_event
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.messages import canonical
 from labweb.resources.selectors import Lab, Lot
 

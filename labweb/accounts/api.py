@@ -19,7 +19,7 @@ from rest_framework.views import APIView
 
 from labweb.accounts import services
 from labweb.accounts.selectors import User, user_of
-from labweb.accounts.selectors.tokens import AccessToken
+from labweb.accounts.selectors.access_tokens import AccessToken
 from labweb.common.answers import AnswerRenderer, ApiAnswer
 from labweb.common.requests import Parameter, check_query
 from labweb.domain.approvals.tokens import AccessScope

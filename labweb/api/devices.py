@@ -51,7 +51,7 @@ from labweb.runs.api.halts import render_halt
 from labweb.runs.selectors import DeviceHalt, Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.api import photo_told
-from labweb.workflows.api.drawing import device_actions
+from labweb.workflows.api.workflows import device_actions
 
 _STALE_AFTER_S = 5.0
 

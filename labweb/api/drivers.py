@@ -53,7 +53,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import DriverVersion
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services as run_services
-from labweb.workflows.api.drawing import device_actions
+from labweb.workflows.api.workflows import device_actions
 
 READS_SOURCE = frozenset({Permission.SUBMIT, Permission.DECIDE, Permission.ADMIT})
 """Who brings, approves or gives drivers reads their source; it may hold what a maker told."""

@@ -18,7 +18,7 @@ from labweb.common.buckets import Rate
 from labweb.common.lanes import Room
 from labweb.common.uploads import ENVELOPE_BYTES, MOST_OTHER_BYTES
 from labweb.telemetry.services import MOST_PHOTO_BYTES
-from labweb.telemetry.services.files import MOST_BYTES
+from labweb.telemetry.services.kept_files import MOST_BYTES
 
 
 class Pace(StrEnum):

@@ -8,7 +8,7 @@ from rest_framework.request import Request
 
 from labweb.accounts import services
 from labweb.accounts.selectors import User
-from labweb.accounts.selectors.tokens import AccessToken, find_token
+from labweb.accounts.selectors.access_tokens import AccessToken, find_token
 from labweb.resources import selectors as resource_selectors
 
 

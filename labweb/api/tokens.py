@@ -12,7 +12,7 @@ from rest_framework.request import Request
 from labweb.accounts import services
 from labweb.accounts.answers import AccessTokenList, AccessTokenRow, NewAccessToken
 from labweb.accounts.api import Endpoint
-from labweb.accounts.selectors import User, tokens, user_of
+from labweb.accounts.selectors import User, access_tokens, user_of
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import Parameter, body, one_of
@@ -45,7 +45,7 @@ class AccessTokens(Endpoint):
     def get(self, request: Request) -> AccessTokenList:
         """List the caller's tokens, those too that are valid no longer; an admin may see all."""
         user, lab = user_of(request), resource_selectors.the_lab()
-        rows = tokens.tokens_of_lab(lab.pk)
+        rows = access_tokens.tokens_of_lab(lab.pk)
         if request.query_params.get("of") != "all":
             rows = rows.filter(user=user)
         elif not _is_admin(user):
@@ -80,7 +80,7 @@ def _is_admin(user: User) -> bool:
     return Permission.ADMIT in resource_selectors.permissions_on_all(user)
 
 
-def _row(row: tokens.AccessToken) -> AccessTokenRow:
+def _row(row: access_tokens.AccessToken) -> AccessTokenRow:
     return AccessTokenRow(
         id=row.pk,
         name=row.name,

@@ -10,7 +10,7 @@ from uuid import UUID
 import msgspec
 from django.db.models import QuerySet, UUIDField
 
-from labweb.accounts.selectors.chain import DECISIONS, first_broken_head
+from labweb.accounts.selectors.hash_chains import DECISIONS, first_broken_head
 from labweb.approvals.models import ApprovalRequest as ApprovalRequest
 from labweb.approvals.models import Decision, SimulatorOffer
 from labweb.approvals.models import Policy as Policy

@@ -30,7 +30,7 @@ from labweb.telemetry.answers import (
     TelemetrySeries,
 )
 from labweb.telemetry.selectors import DevicePhoto
-from labweb.telemetry.services.files import digest_header, opened
+from labweb.telemetry.services.kept_files import digest_header, opened
 
 _DEFAULT_WINDOW_S = 600.0
 _POINTS = 1000

@@ -6,8 +6,8 @@ from pathlib import PurePath
 
 import pytest
 
-from tests.architecture.measure import is_exempt, long_files, long_functions
 from tests.architecture.project import ROOT, files
+from tests.architecture.sizes import is_exempt, long_files, long_functions
 
 MEASURED = [path for path in files() if path.suffix in {".py", ".ts", ".tsx"}]
 

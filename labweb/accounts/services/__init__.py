@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from labweb.accounts.services.auditing import (
+from labweb.accounts.services.access_tokens import (
+    make_token,
+    note_use,
+    revoke_token,
+)
+from labweb.accounts.services.audit_trail import (
     acting_token,
     end_of_audit,
     write_audit,
     write_failed_sign_in,
     write_refusal,
 )
-from labweb.accounts.services.heads import sign_chain
-from labweb.accounts.services.once import (
+from labweb.accounts.services.idempotency import (
     KEPT_FOR,
     Answer,
     InProgressError,
@@ -19,16 +23,12 @@ from labweb.accounts.services.once import (
     find_answer,
     forget_answers,
 )
-from labweb.accounts.services.people import (
+from labweb.accounts.services.signed_heads import sign_chain
+from labweb.accounts.services.users import (
     PasswordFrom,
     change_password,
     ensure_user,
     note_foreign_password,
-)
-from labweb.accounts.services.tokens import (
-    make_token,
-    note_use,
-    revoke_token,
 )
 
 __all__ = [

@@ -2,287 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from datetime import datetime, timedelta
-from functools import partial
-from typing import Any
-from uuid import UUID
+from labweb.approvals.services.approval_requests import (
+    decide,
+    expire_one,
+    open_request,
+    require_deciding,
+    withdraw,
+)
+from labweb.approvals.services.driver_approval import (
+    DRIVER_RULE,
+    decide_driver,
+    submit_driver,
+    submit_read,
+    withdraw_driver,
+)
+from labweb.approvals.services.driver_tryouts import (
+    TryoutWanted,
+    TryoutWish,
+    ask_tryout,
+    begin_tryout,
+    frames_of,
+    take_offer,
+    take_told,
+)
+from labweb.approvals.services.policies import asking_policies, ensure_policy
 
-from django.db import connection
-from django.db.transaction import atomic, on_commit
-
-from labweb.accounts import services as account_services
-from labweb.accounts.selectors import User
-from labweb.approvals import selectors
-from labweb.approvals.models import ApprovalRequest, Decision, Policy
-from labweb.approvals.services.tryouts import TryoutWanted as TryoutWanted
-from labweb.approvals.services.tryouts import TryoutWish as TryoutWish
-from labweb.approvals.services.tryouts import ask_tryout as ask_tryout
-from labweb.approvals.services.tryouts import begin_tryout as begin_tryout
-from labweb.approvals.services.tryouts import frames_of as frames_of
-from labweb.approvals.services.tryouts import take_offer as take_offer
-from labweb.approvals.services.tryouts import take_told as take_told
-from labweb.common import feed
-from labweb.common.clock import now
-from labweb.domain.approvals import policy as policy_rules
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import ForbiddenError, StateError
-from labweb.domain.workflows.plan import Plan
-from labweb.enrollment import selectors as enrollment_selectors
-from labweb.enrollment import services as enrollment_services
-from labweb.enrollment.selectors import DriverVersion
-from labweb.enrollment.services import CatalogDriver
-from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab
-
-DRIVER_RULE = "A driver needs a second person"
-
-_DECISION_LOCK = 0x6C61_6263
-
-_DRIVER_REQUEST_LIFE = timedelta(days=30)
-
-
-def ensure_policy(lab: Lab, *, name: str, rule: dict[str, object]) -> Policy:
-    """Write a policy unless one of that name exists."""
-    policy_rules.parse_rule(rule)
-    row, _ = Policy.objects.get_or_create(lab=lab, name=name, defaults={"rule": rule})
-    return row
-
-
-def asking_policies(lab: Lab, plan: Plan, rules: Sequence[Policy] | None = None) -> list[Policy]:
-    """Return the policies that want a person to look at the plan; those in force, if read."""
-    return [
-        policy
-        for policy in (selectors.RULES.rows(lab=lab.pk) if rules is None else rules)
-        if policy_rules.asks(policy_rules.parse_rule(policy.rule), plan)
-    ]
-
-
-def open_request(  # noqa: PLR0913 - one column each
-    *,
-    lab: Lab,
-    title: str,
-    run_id: UUID | None = None,
-    calibration_id: UUID | None = None,
-    plan_digest: str,
-    policies: Sequence[str],
-    asked_by: User,
-    expires_at: datetime,
-) -> ApprovalRequest:
-    """Ask a person about the plan, or about the result of a calibration, with this digest.
-
-    A policy that is no row is a rule of the server's own: it asks somebody else.
-    """
-    rows = list(selectors.active_policies(lab).filter(name__in=list(policies)))
-    is_own_rule = not set(policies) <= {row.name for row in rows}
-    request = ApprovalRequest.objects.create(
-        lab=lab,
-        title=title,
-        run_id=run_id,
-        calibration_id=calibration_id,
-        plan_digest=plan_digest,
-        policies=list(policies),
-        allow_self=all(row.allow_self for row in rows) and not is_own_rule,
-        asked_by=asked_by,
-        asked_at=now(),
-        expires_at=expires_at,
-    )
-    on_commit(partial(feed.publish, "approvals", {"request_id": str(request.id)}))
-    return request
-
-
-def require_deciding(actor: User, lab: Lab) -> None:
-    """Refuse who may not answer requests, whatever became of them.
-
-    Raises:
-        ForbiddenError: They may not, or only in a part of the lab.
-    """
-    resource_selectors.require(actor, Permission.DECIDE, [resource_selectors.root_of(lab).id])
-
-
-@atomic
-def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) -> ApprovalRequest:
-    """Write a person's answer; the first writer wins.
-
-    Raises:
-        NotFoundError: There is no such request.
-        StateError: It was answered before, or has expired.
-        ForbiddenError: The actor asked it themself, or may not decide here.
-    """
-    found = selectors.find_request(request_id)
-    require_deciding(actor, found.lab)
-    row = ApprovalRequest.objects.select_for_update(no_key=True).get(pk=request_id)
-    state = row.state
-    if state == ApprovalRequest.State.OPEN and row.expires_at < now():
-        state = ApprovalRequest.State.EXPIRED
-    code, message = policy_rules.check_decision(
-        asked_by=str(row.asked_by_id),
-        actor=str(actor.pk),
-        allow_self=row.allow_self,
-        state=str(state),
-    )
-    if code == "approval.own_request":
-        raise ForbiddenError(message, code=code)
-    if code:
-        raise StateError(message, code=code)
-    row.state = ApprovalRequest.State.APPROVED if is_approved else ApprovalRequest.State.REJECTED
-    row.save(update_fields=["state"])
-    _append_decision(
-        request=row,
-        actor=actor,
-        printed_name=actor.printed_name,
-        is_approved=is_approved,
-        meaning=_meaning(row, is_approved=is_approved),
-        comment=comment,
-        plan_digest=row.plan_digest,
-        at=now(),
-    )
-    account_services.write_audit(
-        "approval.decide",
-        str(row.id),
-        actor=actor,
-        reason=comment,
-        detail={"approved": is_approved},
-        meaning=_meaning(row, is_approved=is_approved),
-    )
-    on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
-    return row
-
-
-def _append_decision(**fields: Any) -> None:  # noqa: ANN401 - the columns of a decision
-    """Bind a decision to the one before, one at a time."""
-    with connection.cursor() as cursor:
-        cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_DECISION_LOCK])
-    seq, prev = selectors.end_of_decisions() or (0, "")
-    decision = Decision(seq=seq + 1, prev_hash=prev, **fields)
-    decision.hash = selectors.decision_hash(prev, decision)
-    decision.save(force_insert=True)
-
-
-def _meaning(row: ApprovalRequest, *, is_approved: bool) -> str:
-    what = "the start" if row.run_id else "the driver" if row.driver_id else "the calibration"
-    return f"{'approves' if is_approved else 'rejects'} {what}"
-
-
-def submit_driver(module: str, text: str, *, note: str, actor: User) -> DriverVersion:
-    """Keep driver source that a person brought, and ask a second person about it.
-
-    Raises:
-        ForbiddenError: The actor may not bring drivers.
-        ConformanceError: It breaks a rule; `findings` list each place. Nothing was written.
-        DefinitionError: With what it shares it is too large.
-        StateError: This very source is known already.
-    """
-    found, _ = enrollment_services.read_driver(module, text, actor=actor)
-    return submit_read(found, module, note=note, actor=actor)
-
-
-@atomic
-def submit_read(found: CatalogDriver, module: str, *, note: str, actor: User) -> DriverVersion:
-    """Keep driver source that was read for the actor, and ask a second person about it.
-
-    Args:
-        found: What `enrollment.services.read_driver` returned for the actor. Another process
-            takes seconds to read it, and no transaction is to be open meanwhile.
-        module: Where the driver is to stand.
-        note: What the actor says of it.
-        actor: Who brings it.
-
-    Raises:
-        DefinitionError: With what it shares it is too large.
-        StateError: This very source is known already.
-    """
-    row = enrollment_services.propose_driver(found, module, note=note, actor=actor)
-    _close_requests(row, ApprovalRequest.State.EXPIRED)
-    request = ApprovalRequest.objects.create(
-        lab=resource_selectors.the_lab(),
-        title=f"Driver {row.class_name} of {row.module}, {row.digest[:12]}",
-        driver_id=row.id,
-        plan_digest=row.digest,
-        policies=[DRIVER_RULE],
-        allow_self=False,
-        asked_by=actor,
-        asked_at=now(),
-        expires_at=now() + _DRIVER_REQUEST_LIFE,
-    )
-    on_commit(partial(feed.publish, "approvals", {"request_id": str(request.id)}))
-    return row
-
-
-@atomic
-def decide_driver(
-    version_id: UUID, *, actor: User, is_approved: bool, comment: str
-) -> DriverVersion:
-    """Approve or reject a driver version; an approval signs the digest of its source.
-
-    Raises:
-        NotFoundError: There is no such version, or nobody was asked about it.
-        ForbiddenError: The actor brought it, or may not decide here.
-        StateError: Somebody answered before, or the request has expired.
-
-    Effect:
-        None on matter. Devices get the version only when somebody gives it to them.
-    """
-    require_deciding(actor, resource_selectors.the_lab())
-    enrollment_selectors.driver_for_update(version_id)  # first, as whoever withdraws it does
-    request = selectors.request_about_driver(version_id)
-    decide(request.id, actor=actor, is_approved=is_approved, comment=comment)
-    return enrollment_services.settle_proposal(
-        version_id, actor=actor, is_approved=is_approved, comment=comment
-    )
-
-
-@atomic
-def withdraw_driver(version_id: UUID, *, actor: User, reason: str) -> DriverVersion:
-    """Let a driver version be used no more, and ask about it no more.
-
-    Raises:
-        LabError: As `labweb.enrollment.services.withdraw_driver`.
-    """
-    row = enrollment_services.withdraw_driver(version_id, actor=actor, reason=reason)
-    _close_requests(row, ApprovalRequest.State.WITHDRAWN)
-    return row
-
-
-def _close_requests(row: DriverVersion, state: ApprovalRequest.State) -> None:
-    rows = ApprovalRequest.objects.filter(driver_id=row.id, state=ApprovalRequest.State.OPEN)
-    rows.update(state=state)
-
-
-def expire_one() -> ApprovalRequest | None:
-    """Close one request whose time is over, and return it; None: there is none.
-
-    One about a driver stays as it is: nothing waits for it.
-
-    A request that somebody answers at this moment is left to them.
-
-    Effect:
-        Nothing is released: the caller ends what waits for it in the same block.
-    """
-    due = ApprovalRequest.objects.filter(
-        state=ApprovalRequest.State.OPEN, expires_at__lt=now(), driver_id__isnull=True
-    )
-    row = due.order_by("expires_at").select_for_update(skip_locked=True, no_key=True).first()
-    if row is None:
-        return None
-    row.state = ApprovalRequest.State.EXPIRED
-    row.save(update_fields=["state"])
-    account_services.write_audit(
-        "approval.expire",
-        str(row.id),
-        actor=None,
-        reason="nobody answered in time",
-        detail={
-            "run" if row.run_id else "calibration": str(row.run_id or row.calibration_id),
-            "expires_at": row.expires_at.isoformat(),
-        },
-    )
-    on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
-    return row
-
-
-def withdraw(run_id: UUID) -> None:
-    """Close the open request of a run that was given up."""
-    rows = ApprovalRequest.objects.filter(run_id=run_id, state=ApprovalRequest.State.OPEN)
-    if rows.update(state=ApprovalRequest.State.WITHDRAWN):
-        feed.publish("approvals", {"run_id": str(run_id)})
+__all__ = [
+    "DRIVER_RULE",
+    "TryoutWanted",
+    "TryoutWish",
+    "ask_tryout",
+    "asking_policies",
+    "begin_tryout",
+    "decide",
+    "decide_driver",
+    "ensure_policy",
+    "expire_one",
+    "frames_of",
+    "open_request",
+    "require_deciding",
+    "submit_driver",
+    "submit_read",
+    "take_offer",
+    "take_told",
+    "withdraw",
+    "withdraw_driver",
+]

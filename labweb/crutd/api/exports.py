@@ -19,8 +19,8 @@ from labweb.common.requests import Parameter, moment, one_of, word
 from labweb.crutd.answers import ResourceRow
 from labweb.crutd.api import AT, past_rows, resource_rows
 from labweb.crutd.selectors.deliveries import deliveries_of
-from labweb.crutd.selectors.exporting import lab_file_of
-from labweb.crutd.selectors.past import as_it_was
+from labweb.crutd.selectors.history_replay import as_it_was
+from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.deliveries import render_deliveries
 from labweb.domain.graph.lab_file.render import render_lab

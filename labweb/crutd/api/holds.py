@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from uuid import UUID
 
 from labweb.crutd.answers import ResourceKeeper
-from labweb.crutd.selectors.holds import live_on
+from labweb.crutd.selectors.run_holds import live_on
 from labweb.domain.runs.holding import Mode
 
 _SHARED = {Mode.DRAW.value, Mode.POUR.value}

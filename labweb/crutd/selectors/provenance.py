@@ -13,7 +13,7 @@ from django.db.models import Q
 
 from labweb.common.render import iso
 from labweb.crutd.models import Event, EventSubject, Transaction
-from labweb.crutd.selectors.resolving import Resolved, resolved_of
+from labweb.crutd.selectors.doubt_resolutions import Resolved, resolved_of
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
 from labweb.domain.crutd.provenance.facts import LotFact, ResourceFact, TransactionFact

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from labweb.crutd.services.adopting import adopt_candidate
-from labweb.crutd.services.batches import Member, lock_batch
-from labweb.crutd.services.deliveries import receive_deliveries
-from labweb.crutd.services.halting import note_halt
-from labweb.crutd.services.holds import Asker, Keeper, release_holds, taking
-from labweb.crutd.services.importing import check_time_zone, import_lab
-from labweb.crutd.services.labware import import_labware
-from labweb.crutd.services.locking import is_free, refuse_reserved_by_others
-from labweb.crutd.services.opening import hold_to_open, lock_operation
-from labweb.crutd.services.rebuilding import rebuild, restore
-from labweb.crutd.services.recording import close_ticket, event_hash, open_ticket
-from labweb.crutd.services.refitting import check_parts, refit_device
-from labweb.crutd.services.reserving import end_reservation, reserve
-from labweb.crutd.services.retiring import check_leaving, hold_leaving, take_out
-from labweb.crutd.services.succession import lock_next
+from labweb.crutd.services.delivery_import import receive_deliveries
+from labweb.crutd.services.device_adoption import adopt_candidate
+from labweb.crutd.services.device_refit import check_parts, refit_device
+from labweb.crutd.services.device_removal import check_leaving, hold_leaving, take_out
+from labweb.crutd.services.events import close_ticket, event_hash, open_ticket
+from labweb.crutd.services.halt_effects import note_halt
+from labweb.crutd.services.host_batches import Member, lock_batch
+from labweb.crutd.services.lab_import import check_time_zone, import_lab
+from labweb.crutd.services.labware_import import import_labware
+from labweb.crutd.services.ledger_rebuild import rebuild, restore
+from labweb.crutd.services.lock_succession import lock_next
+from labweb.crutd.services.locks import is_free, refuse_reserved_by_others
+from labweb.crutd.services.reservations import end_reservation, reserve
+from labweb.crutd.services.run_holds import Asker, Keeper, release_holds, taking
+from labweb.crutd.services.transaction_opening import hold_to_open, lock_operation
 from labweb.crutd.services.transactions import (
     Settlement,
     advance,

@@ -12,14 +12,14 @@ from django.db.transaction import atomic
 from labweb.common.clock import happened_at
 from labweb.crutd import selectors
 from labweb.crutd.models import Entry, ResourceLock, Transaction
-from labweb.crutd.selectors.archived import with_former_place
-from labweb.crutd.selectors.facts import facts_for, holders
-from labweb.crutd.selectors.placing import with_place
-from labweb.crutd.services.holds import Asker, held_findings
-from labweb.crutd.services.locking import reserved_findings, roomy_of
-from labweb.crutd.services.opening import lock_and_read
-from labweb.crutd.services.posting import close_transaction, post, reserve
-from labweb.crutd.services.recording import open_ticket, record
+from labweb.crutd.selectors.archive import with_former_place
+from labweb.crutd.selectors.condition_facts import facts_for, holders
+from labweb.crutd.selectors.placement import with_place
+from labweb.crutd.services.events import open_ticket, record
+from labweb.crutd.services.ledger_posting import close_transaction, post, reserve
+from labweb.crutd.services.locks import reserved_findings, roomy_of
+from labweb.crutd.services.run_holds import Asker, held_findings
+from labweb.crutd.services.transaction_opening import lock_and_read
 from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.ledger import vessels_of

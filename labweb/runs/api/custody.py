@@ -26,7 +26,7 @@ from labweb.domain.runs.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
-from labweb.resources.selectors.standing import places_of_kinds
+from labweb.resources.selectors.occupants import places_of_kinds
 from labweb.runs import selectors, services
 from labweb.runs.answers.custody import (
     CustodyConnection,

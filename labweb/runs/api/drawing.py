@@ -35,7 +35,7 @@ from labweb.runs.answers.drawing import (
 )
 from labweb.runs.api import render
 from labweb.workflows import selectors as workflow_selectors
-from labweb.workflows.api import drawing as workflow_api
+from labweb.workflows.api import workflows as workflow_api
 from labweb.workflows.selectors import Workflow
 
 

@@ -48,7 +48,7 @@ from labweb.telemetry.answers import (
     ReadingSeries,
 )
 from labweb.telemetry.selectors import File, Incoming, Reading
-from labweb.telemetry.services.files import MOST_BYTES, digest_header, opened
+from labweb.telemetry.services.kept_files import MOST_BYTES, digest_header, opened
 
 _MOST_ROWS = 500
 _MOST_POINTS = 10_000

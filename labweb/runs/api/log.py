@@ -7,7 +7,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.crutd.answers import DoubtEnd
-from labweb.crutd.selectors.resolving import Resolved
+from labweb.crutd.selectors.doubt_resolutions import Resolved
 from labweb.domain.runs.custody import CustodyState
 from labweb.runs import selectors
 from labweb.runs.answers.runs import LogLine

@@ -15,7 +15,7 @@ from labweb.common.answers import NamedRef
 from labweb.common.lists import HISTORY
 from labweb.common.requests import Nothing, body
 from labweb.crutd.api import visible
-from labweb.crutd.selectors import reserved
+from labweb.crutd.selectors import reservations as reserved
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.reserving import LONGEST_REASON, MOST

@@ -20,7 +20,7 @@ from labweb.common.requests import Parameter, body
 from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.answers import EventList
-from labweb.crutd.selectors.resolving import resolved_of
+from labweb.crutd.selectors.doubt_resolutions import resolved_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.errors import DefinitionError, NotFoundError

@@ -9,7 +9,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.crutd.selectors import lineage
-from labweb.crutd.selectors.moments import Moment, lots_told, moment_after
+from labweb.crutd.selectors.transaction_snapshot import Moment, lots_told, moment_after
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.provenance.build import reported
 from labweb.domain.crutd.provenance.facts import JobFact

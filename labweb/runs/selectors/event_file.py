@@ -10,8 +10,8 @@ from django.core.serializers.python import Serializer
 from django.db.models import QuerySet
 
 from labweb.crutd.selectors import Transaction
-from labweb.crutd.selectors.chain import events_in_order, first_broken_event
-from labweb.crutd.selectors.past import base_document
+from labweb.crutd.selectors.event_chain import events_in_order, first_broken_event
+from labweb.crutd.selectors.history_replay import base_document
 from labweb.domain.errors import ReconcileError, StateError
 from labweb.resources.selectors import Lab
 from labweb.runs.models import HostEvent

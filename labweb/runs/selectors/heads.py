@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from labweb.accounts.selectors import chain as chains
-from labweb.accounts.selectors.chain import HeadsFile
+from labweb.accounts.selectors import hash_chains as chains
+from labweb.accounts.selectors.hash_chains import HeadsFile
 from labweb.domain.messages import Countersigned
 from labweb.runs.models import HostEvent
 

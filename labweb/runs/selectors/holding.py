@@ -9,8 +9,8 @@ from uuid import UUID
 import msgspec
 
 from labweb.common.prepared import Question, together
-from labweb.crutd.selectors.holds import RunHold as RunHold
-from labweb.crutd.selectors.holds import holds_of as holds_of
+from labweb.crutd.selectors.run_holds import RunHold as RunHold
+from labweb.crutd.selectors.run_holds import holds_of as holds_of
 from labweb.domain.crutd import operations
 from labweb.domain.runs.claims import Claims, Stand, Use, Way, claims_of, needs_of, stand_of
 from labweb.domain.runs.holding import Ask, Mode, Party, Scene

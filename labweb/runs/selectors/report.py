@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.crutd import selectors as crutd_selectors
-from labweb.crutd.selectors.resolving import Resolved, resolved_of
+from labweb.crutd.selectors.doubt_resolutions import Resolved, resolved_of
 from labweb.domain.crutd.balance import Balance, LotFacts, Yield, find_yields, mass_balance
 from labweb.domain.crutd.conditions import Verification
 from labweb.domain.crutd.ledger import Amount

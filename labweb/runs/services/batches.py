@@ -14,7 +14,7 @@ from labweb.common.prepared import together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
-from labweb.crutd.selectors.placing import with_place
+from labweb.crutd.selectors.placement import with_place
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.messages import BatchPart, Do, ResourceView

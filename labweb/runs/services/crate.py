@@ -44,7 +44,7 @@ from labweb.runs.services.crate_parts import (
 )
 from labweb.telemetry.selectors import File as Kept
 from labweb.telemetry.selectors import path_of
-from labweb.telemetry.services.files import opened
+from labweb.telemetry.services.kept_files import opened
 
 MOST_SAMPLES = 20_000_000
 """More are refused: ask for the telemetry of single devices instead."""

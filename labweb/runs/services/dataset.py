@@ -15,7 +15,7 @@ from labweb.domain.errors import StateError
 from labweb.runs.models import Run
 from labweb.runs.selectors.dataset import Value, values_of
 from labweb.telemetry.selectors import File, Reading, path_of
-from labweb.telemetry.services.files import opened
+from labweb.telemetry.services.kept_files import opened
 
 MOST_ROWS = 20_000_000
 """More are refused: export fewer runs at a time."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 
 from labweb.accounts import services as account_services
-from labweb.accounts.selectors import chain as chains
+from labweb.accounts.selectors import hash_chains as chains
 from labweb.approvals.selectors import end_of_decisions
 from labweb.common import signing
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors.chain import chain_of, end_of_events
+from labweb.crutd.selectors.event_chain import chain_of, end_of_events
 from labweb.domain.errors import StateError
 from labweb.domain.messages import (
     ChainHead,

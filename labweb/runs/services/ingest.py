@@ -17,7 +17,7 @@ from labweb.common.clock import happened_at, moment_of, now, telling
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors.past import begun_at
+from labweb.crutd.selectors.history_replay import begun_at
 from labweb.crutd.services import Settlement
 from labweb.domain.calibration.model import Correction
 from labweb.domain.calibration.reading import corrected

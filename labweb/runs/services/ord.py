@@ -16,7 +16,7 @@ from uuid import UUID
 
 from labweb.common.clock import now
 from labweb.common.render import iso
-from labweb.crutd.selectors.moments import Moment
+from labweb.crutd.selectors.transaction_snapshot import Moment
 from labweb.domain.errors import DefinitionError, Finding, StateError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Run

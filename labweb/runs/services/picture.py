@@ -12,7 +12,7 @@ import msgspec
 from labweb.common.clock import now
 from labweb.common.prepared import Question, together
 from labweb.crutd import selectors as crutd_selectors
-from labweb.crutd.selectors.facts import lab_facts
+from labweb.crutd.selectors.condition_facts import lab_facts
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.resources.contents import LotId
 from labweb.domain.workflows.compile import LabView

@@ -12,7 +12,7 @@ from django.db.transaction import atomic
 
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import events_of
-from labweb.crutd.selectors.past import rebuild_differences
+from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.domain.errors import Finding, ReconcileError
 from labweb.domain.runs.edge import resolve
 from labweb.domain.runs.history import job_state, server_state

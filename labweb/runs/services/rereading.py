@@ -7,7 +7,7 @@ from functools import partial
 from django.db.transaction import atomic, on_commit
 
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors.resolving import Resolved, resolved_of
+from labweb.crutd.selectors.doubt_resolutions import Resolved, resolved_of
 from labweb.domain.runs.doubting import Later, Measured, claimed_nl, contradiction, later_words
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors

@@ -12,7 +12,7 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors.reserved import ResourceReservation
+from labweb.crutd.selectors.reservations import ResourceReservation
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import Finding, ForbiddenError, LockedError
 from labweb.resources import selectors as resource_selectors

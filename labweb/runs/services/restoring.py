@@ -22,8 +22,8 @@ from labweb.accounts.selectors import User
 from labweb.common.reading import one_moment
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Event
-from labweb.crutd.selectors.chain import broken_link, told_columns
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.event_chain import broken_link, told_columns
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, ReconcileError, StateError
 from labweb.domain.messages import EdgeEvent, event_hash

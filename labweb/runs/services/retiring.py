@@ -10,7 +10,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
-from labweb.crutd.services.retiring import Leaving
+from labweb.crutd.services.device_removal import Leaving
 from labweb.domain.errors import Finding, LockedError, PreconditionError
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState
 from labweb.enrollment import selectors as enrollment_selectors

@@ -22,7 +22,7 @@ from labweb.common.clock import now
 from labweb.common.prepared import Question, inserting, together
 from labweb.common.wake import waking
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors import reserved as reservations
+from labweb.crutd.selectors import reservations
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.disk import check_room

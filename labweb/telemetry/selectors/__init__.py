@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 from labweb.telemetry.models import DevicePhoto, File, Incoming, Reading
-from labweb.telemetry.selectors.curves import (
-    Curve,
-    curves,
-    gaps,
-    series,
-    told_statuses,
-)
-from labweb.telemetry.selectors.files import (
+from labweb.telemetry.selectors.device_photos import find_photo, newest_photo
+from labweb.telemetry.selectors.kept_files import (
     awaited_files,
     files_about,
     files_of,
@@ -33,13 +27,19 @@ from labweb.telemetry.selectors.files import (
     visible_incoming,
     visible_readings,
 )
-from labweb.telemetry.selectors.photos import find_photo, newest_photo
 from labweb.telemetry.selectors.samples import (
     asking_latest_in,
     last_samples,
     latest,
     newest_samples,
     samples,
+)
+from labweb.telemetry.selectors.time_series import (
+    Curve,
+    curves,
+    gaps,
+    series,
+    told_statuses,
 )
 
 __all__ = [

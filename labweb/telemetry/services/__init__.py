@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-from labweb.telemetry.services.drawing import drawn
-from labweb.telemetry.services.exporting import MOST_ROWS, Wanted, write_csv, write_parquet
-from labweb.telemetry.services.files import (
-    PARQUET,
-    Upload,
-    check_links,
-    keep_file,
-    keep_picture,
-)
-from labweb.telemetry.services.incoming import (
+from labweb.telemetry.services.device_photos import MOST_PHOTO_BYTES, keep_photo
+from labweb.telemetry.services.incoming_files import (
     READ_TASK,
     arrive,
     await_file,
@@ -20,9 +12,17 @@ from labweb.telemetry.services.incoming import (
     read_incoming,
     ring_incoming,
 )
-from labweb.telemetry.services.photos import MOST_PHOTO_BYTES, keep_photo
-from labweb.telemetry.services.rolling import MOST_TRIMMED, roll_up, trim
+from labweb.telemetry.services.kept_files import (
+    PARQUET,
+    Upload,
+    check_links,
+    keep_file,
+    keep_picture,
+)
+from labweb.telemetry.services.plot_points import drawn
+from labweb.telemetry.services.roll_ups import MOST_TRIMMED, roll_up, trim
 from labweb.telemetry.services.samples import SILENT_S, take_in
+from labweb.telemetry.services.telemetry_export import MOST_ROWS, Wanted, write_csv, write_parquet
 
 __all__ = [
     "MOST_PHOTO_BYTES",

@@ -16,7 +16,7 @@ from labweb.domain.recipes.opening import Asked
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services
 from labweb.workflows.answers import KeptRecipe, RecipeAdvice, RecipeOpening
-from labweb.workflows.api.drawing import version_row
+from labweb.workflows.api.workflows import version_row
 
 
 class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from labweb.workflows.services.drafts import (
+from labweb.workflows.services.recipes import advise_on, keep_recipe, open_recipe, read_recipe
+from labweb.workflows.services.workflow_versions import (
     create_workflow,
     ensure_template,
     save_draft,
     save_version,
 )
-from labweb.workflows.services.recipes import advise_on, keep_recipe, open_recipe, read_recipe
 
 __all__ = [
     "advise_on",

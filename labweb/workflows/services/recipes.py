@@ -17,7 +17,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
 from labweb.common.lanes import give_back_connection
-from labweb.crutd.selectors.exporting import lab_file_of
+from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError
 from labweb.domain.graph.lab_file.model import LabFile
@@ -30,7 +30,11 @@ from labweb.domain.workflows.protocol import parse_workflow, render_workflow, re
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import WorkflowVersion
-from labweb.workflows.services.drafts import create_workflow, require_drawing, save_version
+from labweb.workflows.services.workflow_versions import (
+    create_workflow,
+    require_drawing,
+    save_version,
+)
 
 MOST_S = 180.0
 """Longest time to wait for an answer; the process itself has less of the processor."""

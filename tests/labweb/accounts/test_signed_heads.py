@@ -17,12 +17,12 @@ from django.db import connection
 from django.db.utils import IntegrityError
 
 from labweb.accounts.models import AuditEntry, SignedHead
-from labweb.accounts.selectors.chain import audit_hash
+from labweb.accounts.selectors.hash_chains import audit_hash
 from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.approvals.selectors import decision_hash
 from labweb.common import signing
 from labweb.crutd.models import Event, EventHead, Ticket
-from labweb.crutd.selectors.chain import event_hash
+from labweb.crutd.selectors.event_chain import event_hash
 from labweb.domain.messages import Heads, countersigned_bytes
 from labweb.runs import services
 from tests.builders import HEAT, Bench, Edge, a_started_run, an_edge

@@ -15,7 +15,7 @@ import msgspec
 import pytest
 from django.core.management import CommandError, call_command
 
-from labweb.accounts.selectors.chain import read_heads_file, stamped_bytes
+from labweb.accounts.selectors.hash_chains import read_heads_file, stamped_bytes
 from labweb.domain.errors import DefinitionError
 from tests.builders import Bench
 

@@ -6,8 +6,8 @@ from typing import Any
 from uuid import uuid4
 
 from labweb.crutd.models import Entry, Event, Holding, ResourceLock, Transaction
-from labweb.crutd.selectors.past import rebuild_differences
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.history_replay import rebuild_differences
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.resources.models import Lot, Material, Resource
 from tests.builders import Bench
 from tests.labweb.web import call, signed_in

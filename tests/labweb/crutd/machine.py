@@ -19,9 +19,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from labweb.crutd import selectors, services
 from labweb.crutd.models import Event, Holding, ResourceLock, Ticket, Transaction
-from labweb.crutd.selectors.chain import first_broken_event
-from labweb.crutd.selectors.past import rebuild_differences
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.event_chain import first_broken_event
+from labweb.crutd.selectors.history_replay import rebuild_differences
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.crutd.services import Settlement
 from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Outcome, OutcomeKind

@@ -132,7 +132,7 @@ def test_the_pose_of_what_was_archived_before_it_was_written_down_is_found_in_th
     event = Event.objects.order_by("-seq")[0]
     assert event.body["operation"].pop("pose") == before.pose
     del event.body["operation"]["from_id"]
-    from labweb.crutd.selectors import archived as selectors  # noqa: PLC0415 - beside its use
+    from labweb.crutd.selectors import archive as selectors  # noqa: PLC0415 - beside its use
 
     found = selectors.place_before(bench.node("flask_1"), event)
     assert found == (before.parent_id, before.pose)

@@ -13,7 +13,7 @@ from django.core.management import call_command
 from django.core.management.base import CommandError
 
 from labweb.crutd.models import Entry, Event, Holding, Transaction
-from labweb.crutd.selectors.exporting import lab_file_of
+from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.crutd.services import import_lab
 from labweb.domain.graph.lab_file.bind import apply_binding
 from labweb.domain.graph.lab_file.bindings import read_binding

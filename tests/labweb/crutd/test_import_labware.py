@@ -17,8 +17,8 @@ from django.test.utils import CaptureQueriesContext
 from labweb.accounts.models import AuditEntry
 from labweb.crutd.models import Event, EventSubject, ResourceLock, Transaction
 from labweb.crutd.selectors import snapshot
-from labweb.crutd.selectors.exporting import lab_file_of
-from labweb.crutd.selectors.past import rebuild_differences
+from labweb.crutd.selectors.history_replay import rebuild_differences
+from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.crutd.services import import_labware, lock_operation
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import DefinitionError

@@ -11,8 +11,8 @@ import pytest
 from django.core.management import CommandError, call_command
 
 from labweb.accounts.models import AuditEntry
-from labweb.crutd.selectors.past import rebuild_differences
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.history_replay import rebuild_differences
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.resources.models import Lot, Resource
 from tests.builders import Bench, a_user
 from tests.labweb.crutd.hand import held, rows

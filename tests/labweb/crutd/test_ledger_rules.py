@@ -20,7 +20,7 @@ from labweb.crutd.models import (
     ResourceLock,
     Transaction,
 )
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd import operations
 from labweb.resources.models import Lot, Resource
 from tests.builders import Bench, a_started_run, an_edge, to_transfer

@@ -7,8 +7,8 @@ from uuid import UUID
 import msgspec
 
 from labweb.crutd.models import Entry, ResourceLock, Ticket, Transaction
-from labweb.crutd.selectors.past import rebuild_differences
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.history_replay import rebuild_differences
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd.conditions import Condition, evaluate
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.runs.edge import Report, conclude

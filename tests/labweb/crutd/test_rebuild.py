@@ -13,7 +13,7 @@ from django.core.management import CommandError, call_command
 from labweb.common.clock import now
 from labweb.crutd import services
 from labweb.crutd.models import Holding
-from labweb.crutd.selectors.past import as_it_was, rebuild_differences, replayed
+from labweb.crutd.selectors.history_replay import as_it_was, rebuild_differences, replayed
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import ReconcileError

@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, Phase, core, settings
 from hypothesis.stateful import run_state_machine_as_test
 
 from labweb.crutd import services
-from labweb.crutd.selectors.chain import event_hash
-from labweb.crutd.services import locking, recording, transactions
-from labweb.crutd.services.posting import post
+from labweb.crutd.selectors.event_chain import event_hash
+from labweb.crutd.services import events, locks, transactions
+from labweb.crutd.services.ledger_posting import post
 from labweb.domain.crutd import checks, decide, lifecycle
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.resources.contents import take
@@ -78,7 +78,7 @@ MUTANTS: dict[str, tuple[object, str, Any, str]] = {
     "a draw loses a nanolitre": (decide, "take", less(take), "I3"),
     "every step is allowed": (lifecycle, "check_step", nothing, "cannot go from|I7"),
     "locks do not exclude": (
-        locking,
+        locks,
         "conflicts",
         nothing,
         "one_exclusive_lock|never_overdrawn|I9|I10",
@@ -86,7 +86,7 @@ MUTANTS: dict[str, tuple[object, str, Any, str]] = {
     "a reservation stays": (transactions, "post", unreleased(post), "reserves|I10"),
     "anything stands in anything": (checks, "_check_carry", nothing, "own_parent|I11"),
     "a difference opens no ticket": (transactions, "open_ticket", silent, "I12"),
-    "the hash forgets the body": (recording, "event_hash", bodiless, "I21"),
+    "the hash forgets the body": (events, "event_hash", bodiless, "I21"),
     "a change is not counted": (resource_services, "raise_revs", silent, "I22"),
 }
 """A rule, what it becomes, and what is seen then: the database or the invariant."""

@@ -14,8 +14,8 @@ from django.core.management import CommandError, call_command
 from django.db import connection
 
 from labweb.crutd.models import Balance, Entry, Event, EventHead, Holding, ResourceLock
-from labweb.crutd.selectors.chain import first_broken_event
-from labweb.crutd.selectors.verifying import CHECKS, ledger_violations
+from labweb.crutd.selectors.event_chain import first_broken_event
+from labweb.crutd.selectors.ledger_verification import CHECKS, ledger_violations
 from labweb.crutd.services import Settlement, lock_operation, settle
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Update

@@ -17,7 +17,7 @@ from pytest_django import Settings
 from labweb.common import authority
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, Holding
-from labweb.crutd.selectors.past import rebuild_differences
+from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.domain.errors import PreconditionError
 from labweb.enrollment.models import Device
 from labweb.resources.models import Connection, Resource

@@ -11,7 +11,7 @@ from pytest_django import Settings
 
 from labweb.common import authority
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors.past import rebuild_differences
+from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.domain.crutd import operations
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, DriverVersion

@@ -17,7 +17,7 @@ from labweb.common import authority
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, Transaction
-from labweb.crutd.selectors.past import as_it_was, rebuild_differences
+from labweb.crutd.selectors.history_replay import as_it_was, rebuild_differences
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.refit import check_refit

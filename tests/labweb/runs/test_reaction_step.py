@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from labweb.crutd.models import Entry
-from labweb.crutd.selectors.past import rebuild_differences
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.history_replay import rebuild_differences
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.errors import InfeasibleError, ProtocolError
 from labweb.resources.models import Lot
 from labweb.runs import services as run_services

@@ -9,7 +9,7 @@ import pytest
 from django.core.management import CommandError, call_command
 
 from labweb.crutd.models import Balance, Entry, Holding, Transaction
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.resources.models import Connection, Lot, Material, Resource
 from labweb.runs.models import Job
 from labweb.runs.services import rebuilding

@@ -10,8 +10,8 @@ import pytest
 from labweb.accounts.models import AuditEntry
 from labweb.common.render import iso
 from labweb.crutd.models import Entry, Event, ResourceLock
-from labweb.crutd.selectors.past import rebuild_differences
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.history_replay import rebuild_differences
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run

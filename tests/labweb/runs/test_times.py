@@ -11,9 +11,9 @@ from django.db import connection
 
 from labweb.common.clock import now
 from labweb.crutd.models import Entry, Event
-from labweb.crutd.selectors.chain import first_broken_event
-from labweb.crutd.selectors.past import as_it_was
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.event_chain import first_broken_event
+from labweb.crutd.selectors.history_replay import as_it_was
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.resources.selectors import Resource
 from labweb.runs.models import Attempt, HostEvent, Job, Run

@@ -15,7 +15,7 @@ from pytest_django import DjangoAssertNumQueries
 from labweb.domain.messages import TelemetryGap
 from labweb.domain.telemetry import LEVELS_S
 from labweb.telemetry import services
-from labweb.telemetry.services import exporting, rolling
+from labweb.telemetry.services import roll_ups, telemetry_export
 from tests.builders import Bench
 from tests.labweb.web import call, code_of, read, signed_in
 
@@ -31,7 +31,7 @@ def client(bench: Bench) -> Client:
 @pytest.fixture
 def path(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> str:
     """A heater with twenty minutes of two statuses, and a gap."""
-    monkeypatch.setattr(rolling, "_WAIT_S", dict.fromkeys(LEVELS_S, 0.0))
+    monkeypatch.setattr(roll_ups, "_WAIT_S", dict.fromkeys(LEVELS_S, 0.0))
     device = bench.device("heater_1")
     told: list[tuple[str, str, float, object]] = [
         (str(device.id), "temperature_c", BEGIN + place, 20.0 + place % 60)
@@ -163,7 +163,7 @@ def test_an_export_of_nothing_has_its_columns(client: Client, path: str) -> None
 def test_an_export_beyond_its_bound_is_refused_whole(
     client: Client, path: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(exporting, "MOST_ROWS", COUNT)
+    monkeypatch.setattr(telemetry_export, "MOST_ROWS", COUNT)
     answer = call(client, "GET", f"{path}/export{within(3600)}")
     assert (answer.status_code, code_of(answer)) == (422, "telemetry.too_large")
     asked = f"{path}/export{within(3600, status='temperature_c')}"

@@ -22,7 +22,7 @@ from pytest_django import Settings
 from labweb.telemetry import selectors
 from labweb.telemetry import services as telemetry_services
 from labweb.telemetry.models import File, Incoming, Reading
-from labweb.telemetry.services import files
+from labweb.telemetry.services import kept_files
 from tests.builders import Bench, a_started_run, a_user, an_edge, to_transfer
 from tests.labweb.instrument_files import SPECTRUM, TRACE, an_mzml
 from tests.labweb.web import Keyed, call, code_of, read, signed_in
@@ -159,12 +159,12 @@ def test_bytes_are_taken_back_when_the_record_fails(
         raise DatabaseError("the disk of the database is full")
 
     monkeypatch.setattr("labweb.accounts.services.write_audit", broken)
-    upload = files.Upload(
+    upload = kept_files.Upload(
         stream=io.BytesIO(TRACE.encode()), name="a.csv", media_type="", format="csv",
         resource=bench.node("flask_1"),
     )  # fmt: skip
     with pytest.raises(DatabaseError, match="full"), atomic():
-        files.keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
+        kept_files.keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
     assert not File.objects.exists()
     assert kept(store) == []
 
@@ -225,7 +225,7 @@ def test_a_file_beyond_the_bound_is_broken_off(
     told = send(chemist, TRACE, status=422, resource=bench.node("flask_1").pk)
     assert told["code"] == "file.too_large"
     monkeypatch.setattr("labweb.runs.api.files.MOST_BYTES", 2**20)
-    monkeypatch.setattr(files, "MOST_BYTES", 50)
+    monkeypatch.setattr(kept_files, "MOST_BYTES", 50)
     told = send(chemist, TRACE, status=422, resource=bench.node("flask_1").pk)
     assert told["code"] == "file.too_large"
     assert not list(store.rglob("*"))
@@ -346,6 +346,6 @@ def test_a_file_has_its_place_on_the_disk_before_anybody_is_told(
 
     monkeypatch.setattr(os, "fsync", keep)
     (tmp_path / "raw").write_bytes(b"a curve")
-    files.move(tmp_path / "raw", tmp_path / "ab/whole")
+    kept_files.move(tmp_path / "raw", tmp_path / "ab/whole")
     assert (tmp_path / "ab/whole").read_bytes() == b"a curve"
     assert told == [str(tmp_path / "ab"), str(tmp_path)]

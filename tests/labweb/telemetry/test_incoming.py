@@ -25,7 +25,7 @@ from labweb.common.clock import now
 from labweb.runs import tasks
 from labweb.telemetry import services
 from labweb.telemetry.models import File, Incoming
-from labweb.telemetry.services import incoming
+from labweb.telemetry.services import incoming_files
 from tests.builders import Bench, a_lab, a_user
 from tests.labweb.instrument_files import TRACE
 from tests.labweb.web import read, signed_in
@@ -130,7 +130,7 @@ def test_a_message_that_was_lost_is_sent_again(bench: Bench, own_queue: str) -> 
     with Connection(app.conf.broker_url) as connection:
         connection.SimpleQueue(own_queue).get(timeout=5).ack()
     assert services.ring_incoming() == 0
-    Incoming.objects.update(asked_at=now() - incoming.RING_AGAIN_AFTER - timedelta(seconds=1))
+    Incoming.objects.update(asked_at=now() - incoming_files.RING_AGAIN_AFTER - timedelta(seconds=1))
     assert services.ring_incoming() == 1
     assert asked(own_queue) == 1
     assert services.ring_incoming() == 0
@@ -165,7 +165,7 @@ def test_a_file_that_is_being_read_is_neither_asked_for_nor_read_again(bench: Be
 
 def test_a_file_at_which_the_worker_ended_again_and_again_is_refused(bench: Bench) -> None:
     told = post(signed_in(bench.people["chemist"]), TRACE, resource=bench.node("flask_1").pk)
-    Incoming.objects.update(tries=incoming.MOST_TRIES)
+    Incoming.objects.update(tries=incoming_files.MOST_TRIES)
     services.read_incoming(UUID(told["id"]))
     row = Incoming.objects.get()
     assert (row.state, row.code) == ("refused", "instrument.unreadable")

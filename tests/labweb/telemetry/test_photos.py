@@ -109,7 +109,7 @@ def test_what_is_no_photo_is_refused_and_leaves_nothing(
 def test_a_photo_that_is_too_large_is_refused(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("labweb.telemetry.services.photos.MOST_PHOTO_BYTES", 1000)
+    monkeypatch.setattr("labweb.telemetry.services.device_photos.MOST_PHOTO_BYTES", 1000)
     with pytest.raises(DefinitionError) as refusal:
         keep(bench, a_photo())
     assert refusal.value.code == "file.too_large"

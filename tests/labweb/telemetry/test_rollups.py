@@ -16,7 +16,7 @@ from labweb.domain.messages import TelemetryGap
 from labweb.domain.telemetry import LEVELS_S, MOST_POINTS
 from labweb.telemetry import selectors, services
 from labweb.telemetry.models import Gap, Mark, Rollup, Sample
-from labweb.telemetry.services import rolling
+from labweb.telemetry.services import roll_ups
 from tests.builders import Bench
 
 Told = tuple[str, str, float, Any]
@@ -30,7 +30,7 @@ def device_id(bench: Bench) -> UUID:
 @pytest.fixture
 def begin(monkeypatch: pytest.MonkeyPatch) -> float:
     """The begin of an hour not long ago; every level is computed as soon as it is asked for."""
-    monkeypatch.setattr(rolling, "_WAIT_S", dict.fromkeys(LEVELS_S, 0.0))
+    monkeypatch.setattr(roll_ups, "_WAIT_S", dict.fromkeys(LEVELS_S, 0.0))
     return float(int(time.time() - 7200) // 3600 * 3600)
 
 

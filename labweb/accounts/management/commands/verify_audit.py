@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from labweb.accounts.management.verifying import VerifyCommand
-from labweb.accounts.selectors import chain
+from labweb.accounts.management.chain_command import VerifyCommand
+from labweb.accounts.selectors import hash_chains
 from labweb.domain.errors import Finding
 from labweb.domain.messages import Countersigned
 
@@ -17,7 +17,7 @@ class Command(VerifyCommand):
 
     def first_breaks(self, kept: Sequence[Countersigned]) -> Mapping[str, Finding | None]:
         """Return the first broken row of the audit trail."""
-        found = chain.first_broken_entry() or chain.first_broken_head(
-            chain.AUDIT, chain.audit_hash_at, kept
+        found = hash_chains.first_broken_entry() or hash_chains.first_broken_head(
+            hash_chains.AUDIT, hash_chains.audit_hash_at, kept
         )
         return {"audit trail": found}

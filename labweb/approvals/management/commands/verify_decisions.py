@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from labweb.accounts.management.verifying import VerifyCommand
+from labweb.accounts.management.chain_command import VerifyCommand
 from labweb.approvals.selectors import first_broken_decision
 from labweb.domain.errors import Finding
 from labweb.domain.messages import Countersigned

@@ -9,7 +9,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.crutd.selectors.exporting import lab_file_of
+from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.domain.errors import LabError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.render import render_lab

@@ -8,7 +8,7 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.resources import selectors as resource_selectors
 
 

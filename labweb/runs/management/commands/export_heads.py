@@ -12,7 +12,7 @@ from urllib.error import URLError
 import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.accounts.selectors.chain import HeadsFile, stamped_bytes
+from labweb.accounts.selectors.hash_chains import HeadsFile, stamped_bytes
 from labweb.common import time_stamp
 from labweb.domain.errors import LabError
 from labweb.runs import services

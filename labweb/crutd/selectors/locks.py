@@ -1,0 +1,28 @@
+"""Which transactions keep resources locked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from uuid import UUID
+
+from labweb.common.prepared import (
+    prepared_cursor,
+)
+from labweb.crutd.models import Event as Event
+from labweb.crutd.models import Holding as Holding
+from labweb.crutd.models import Ticket as Ticket
+from labweb.crutd.models import Transaction as Transaction
+from labweb.domain.runs.locks import Lock, LockMode
+
+# Written out: it is on the way of every operation of the lab.
+_LOCKS = """
+SELECT resource_id, mode, transaction_id FROM crutd_resourcelock
+WHERE resource_id = ANY(%s) AND released_at IS NULL
+"""
+
+
+def held_locks(ids: Iterable[UUID]) -> list[tuple[Lock, UUID]]:
+    """Return live locks on the resources, each with its transaction."""
+    with prepared_cursor() as cursor:
+        cursor.execute(_LOCKS, [list(ids)])
+        return [(Lock(held, LockMode(mode)), owner) for held, mode, owner in cursor.fetchall()]

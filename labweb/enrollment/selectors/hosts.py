@@ -1,0 +1,145 @@
+"""Reads of edge hosts and their sessions."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from django.db.models import QuerySet, UUIDField
+
+from labweb.common.prepared import Given, Prepared
+from labweb.domain.errors import NotFoundError
+from labweb.domain.messages import StopLab
+from labweb.domain.runs.session import SessionState
+from labweb.enrollment.models import Candidate as Candidate
+from labweb.enrollment.models import Device as Device
+from labweb.enrollment.models import DriverVersion as DriverVersion
+from labweb.enrollment.models import EdgeHost as EdgeHost
+from labweb.enrollment.models import Fence as Fence
+from labweb.enrollment.models import HostCertificate as HostCertificate
+from labweb.enrollment.models import JoinRequest as JoinRequest
+from labweb.enrollment.models import JoinToken as JoinToken
+from labweb.enrollment.models import Look as Look
+from labweb.enrollment.selectors.device_looks import checks_of as checks_of
+from labweb.enrollment.selectors.device_looks import is_looking as is_looking
+from labweb.enrollment.selectors.device_looks import last_look as last_look
+from labweb.enrollment.selectors.device_looks import told_of as told_of
+from labweb.enrollment.selectors.device_retirement import is_first_review as is_first_review
+from labweb.enrollment.selectors.device_retirement import nodes_of_others as nodes_of_others
+from labweb.enrollment.selectors.device_retirement import present_devices as present_devices
+from labweb.enrollment.selectors.driver_versions import approved_drivers as approved_drivers
+from labweb.enrollment.selectors.driver_versions import driver_for_update as driver_for_update
+from labweb.enrollment.selectors.driver_versions import driver_names as driver_names
+from labweb.enrollment.selectors.driver_versions import drivers as drivers
+from labweb.enrollment.selectors.driver_versions import find_driver as find_driver
+from labweb.enrollment.selectors.host_disks import disk_of as disk_of
+from labweb.enrollment.selectors.host_disks import disks_of as disks_of
+from labweb.enrollment.selectors.join_requests import code_of_request as code_of_request
+from labweb.enrollment.selectors.join_requests import find_request as find_request
+from labweb.enrollment.selectors.join_requests import is_key_known as is_key_known
+from labweb.enrollment.selectors.join_requests import is_stale as is_stale
+from labweb.enrollment.selectors.join_requests import request_for_update as request_for_update
+from labweb.enrollment.selectors.join_requests import requests_of as requests_of
+from labweb.enrollment.selectors.join_requests import token_for_update as token_for_update
+from labweb.enrollment.selectors.join_requests import token_state as token_state
+from labweb.enrollment.selectors.join_requests import tokens_of as tokens_of
+from labweb.enrollment.selectors.join_requests import waiting_requests as waiting_requests
+from labweb.enrollment.selectors.returning_devices import (
+    changes_since_admission as changes_since_admission,
+)
+from labweb.enrollment.selectors.returning_devices import kept_review as kept_review
+from labweb.enrollment.selectors.returning_devices import label_of as label_of
+from labweb.enrollment.selectors.returning_devices import places_of as places_of
+from labweb.enrollment.selectors.returning_devices import present_of as present_of
+from labweb.enrollment.selectors.returning_devices import taken_from as taken_from
+from labweb.enrollment.selectors.visible import find_device as find_device
+from labweb.enrollment.selectors.visible import is_seen as is_seen
+from labweb.enrollment.selectors.visible import visible_device as visible_device
+from labweb.enrollment.selectors.visible import visible_devices as visible_devices
+from labweb.enrollment.selectors.visible import visible_host as visible_host
+from labweb.enrollment.selectors.visible import visible_hosts as visible_hosts
+from labweb.enrollment.selectors.visible import visible_present as visible_present
+from labweb.resources.selectors import Lab
+
+
+def hosts_of(lab: Lab) -> QuerySet[EdgeHost]:
+    """Edge hosts of a lab."""
+    return EdgeHost.objects.filter(lab=lab).order_by("key")
+
+
+def find_host(host_id: UUID) -> EdgeHost | None:
+    """Return a host, or None."""
+    return EdgeHost.objects.filter(pk=host_id).select_related("lab").first()
+
+
+def open_stop(host_id: UUID) -> StopLab | None:
+    """Return the stop of its lab that a host has not acknowledged, or None."""
+    host = find_host(host_id)
+    if host is None or not host.lab.is_stopped or host.lab.stop_id is None:
+        return None
+    if host.stop_acknowledged == host.lab.stop_id:
+        return None
+    return StopLab(stop_id=host.lab.stop_id, issued_by=str(host.lab.stopped_by_id))
+
+
+def host_for_update(host_id: UUID) -> EdgeHost:
+    """Lock and return a host.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = HOST_TO_LOCK.first(id=host_id)
+    if row is None:
+        raise NotFoundError(f"no host {host_id}", code="host.not_found")
+    return row
+
+
+HOST_TO_LOCK = Prepared(
+    lambda: EdgeHost.objects.filter(pk=Given("id", UUIDField())).select_for_update(
+        of=("self",), no_key=True
+    )
+)
+
+
+def open_fence(host: EdgeHost) -> Fence | None:
+    """Return the fence of a host that waits for its second signature, or None."""
+    rows = Fence.objects.filter(host=host, second_at__isnull=True, withdrawn_at__isnull=True)
+    return rows.select_related("first_by").first()
+
+
+def all_hosts() -> QuerySet[EdgeHost]:
+    """Every host of every lab."""
+    return EdgeHost.objects.all()
+
+
+def session_states() -> dict[UUID, SessionState]:
+    """Return how the server sees every host; a suspended one is as good as away."""
+    rows = EdgeHost.objects.values_list("id", "state", "suspended_at")
+    return {
+        host_id: SessionState(state) if suspended_at is None else _by_suspension(state)
+        for host_id, state, suspended_at in rows
+    }
+
+
+def _by_suspension(state: str) -> SessionState:
+    is_there = state in {SessionState.ONLINE.value, SessionState.SUSPECT.value}
+    return SessionState.ISOLATED if is_there else SessionState(state)
+
+
+def hosts_online() -> QuerySet[EdgeHost]:
+    """The hosts that hear what is sent to them."""
+    return EdgeHost.objects.filter(state="online")
+
+
+def hosts_ready() -> QuerySet[EdgeHost]:
+    """The hosts that may get new work."""
+    return hosts_online().filter(suspended_at__isnull=True)
+
+
+READY = Prepared(lambda: hosts_ready().values_list("pk", "name", "heartbeat"))
+"""The hosts that may get new work: id, name, and what they said last."""
+
+
+def hosts_switching() -> list[UUID]:
+    """Return the hosts at which a version may take over that has not done so yet."""
+    rows = Device.objects.filter(is_next_ready=True)
+    return sorted(set(rows.values_list("host_id", flat=True)))
