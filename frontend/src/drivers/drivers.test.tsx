@@ -27,6 +27,8 @@ const about = {
         },
         required: ["duration_s"],
       },
+      hazards: [],
+      recovery: "R0" as const,
     },
   ],
   statuses: [],

@@ -33,6 +33,8 @@ const driver: DriverDetail = {
         },
         required: ["temperature_c"],
       },
+      hazards: [],
+      recovery: "R0" as const,
     },
   ],
   statuses: [{ name: "temperature_c", label: "Reading", doc: "", unit: "°C" }],

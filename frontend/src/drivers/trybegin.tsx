@@ -6,7 +6,7 @@ import { useBeginTryout } from "@/api/tryouts";
 import { ArgumentsForm } from "@/editor/arguments";
 import { triedText, tryoutState } from "@/model/tryouts";
 import type { DriverDetail } from "@/model/wiredrivers";
-import type { DeviceAction, Schema } from "@/model/wire";
+import type { ActionForm, Schema } from "@/model/wire";
 import type { TryoutHost, Tryouts } from "@/model/wiretryouts";
 import { Card, Empty } from "@/ui/card";
 import { Button, Refused } from "@/ui/controls";
@@ -220,7 +220,7 @@ function Settings(props: {
 }) {
   const units = useSteps().data?.units ?? {};
   const count = Object.keys(props.schema.properties ?? {}).length;
-  const action: DeviceAction = {
+  const action: ActionForm = {
     name: props.testId,
     label: props.title,
     doc: words.trying.settingsDoc,

@@ -5,7 +5,7 @@ import { useSteps } from "@/api/queries";
 import { ArgumentsForm } from "@/editor/arguments";
 import { acting, EFFECT, faultText, outcomeOf, wireText } from "@/model/tryouts";
 import type { DriverDetail } from "@/model/wiredrivers";
-import type { DeviceAction } from "@/model/wire";
+import type { ActionForm, DeviceAction } from "@/model/wire";
 import type { Tryout, TryoutWish } from "@/model/wiretryouts";
 import { Card, Empty } from "@/ui/card";
 import { Button } from "@/ui/controls";
@@ -198,7 +198,7 @@ function Fault({ name, tryout, ask }: Props & { name: string }) {
   const units = useSteps().data?.units ?? {};
   const [values, setValues] = useState<Record<string, unknown>>({});
   const schema = tryout.faults_offered[name] ?? {};
-  const action: DeviceAction = { name, label: name, doc: words.trying.faultDoc, schema };
+  const action: ActionForm = { name, label: name, doc: words.trying.faultDoc, schema };
   return (
     <form
       className="faultform"

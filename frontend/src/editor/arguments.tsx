@@ -3,7 +3,7 @@
 import { useId, useState, type ReactNode } from "react";
 import { setParam } from "@/model/document";
 import { parseQuantity, toCanonical } from "@/model/quantity";
-import type { DeviceAction, Schema, UnitTable } from "@/model/wire";
+import type { ActionForm, Schema, UnitTable } from "@/model/wire";
 import { FieldNote, useActions, type FieldProps } from "./field";
 import { useEditor } from "./store";
 
@@ -39,7 +39,7 @@ export function ArgumentsField(props: FieldProps & { id: string }) {
 }
 
 interface FormProps {
-  action: DeviceAction;
+  action: ActionForm;
   values: Values;
   onChange: (name: string, value: unknown) => void;
   canEdit: boolean;

@@ -23,11 +23,24 @@ const row: FileRow = {
   format: "csv",
   size_bytes: 1500,
   sha256: "ab".repeat(32),
+  made_from_id: null,
+  resource_id: "flask_1",
+  device_id: null,
+  job_id: "j",
   kept_by: "Cleo Chemist",
   kept_at: "2026-11-20T06:02:07Z",
   resource: { id: "flask_1", name: "Flask 1" },
   device: null,
   job: { id: "j", index: 0, sentence: "Weigh it", run: { id: "r", number: 7 } },
+};
+const read = {
+  file_id: "f",
+  file_sha256: "ab".repeat(32),
+  facts: {},
+  kept_at: "2026-11-20T06:02:07Z",
+  resource_id: null,
+  device_id: null,
+  job_id: null,
 };
 const detail: FileDetail = {
   ...row,
@@ -35,6 +48,7 @@ const detail: FileDetail = {
   readings: [
     {
       id: "one",
+      ...read,
       index: 1,
       name: "absorbance",
       quantity: "absorbance",
@@ -65,6 +79,11 @@ const points = {
 
 const waiting: IncomingFile = {
   id: "i",
+  sha256: "ab".repeat(32),
+  resource_id: null,
+  device_id: null,
+  job_id: null,
+  ended_at: null,
   name: "trace.csv",
   format: "csv",
   size_bytes: 1500,

@@ -46,7 +46,11 @@ const leaving: NonNullable<Custody["move"]> = {
   released_at: null,
   is_told: false,
 };
-const road = { ...leaving, state: "in_transit", released_at: "2026-11-20T06:03:00Z" };
+const road = {
+  ...leaving,
+  state: "in_transit" as const,
+  released_at: "2026-11-20T06:03:00Z",
+};
 
 function lab(custody: Custody, post: [number, unknown] = [200, {}]): Sent[] {
   const sent = serve((path, method) => {
@@ -147,7 +151,7 @@ test("a place without room is shown with the reason, and cannot be chosen", asyn
 });
 
 test("a vessel with tubes on it is not offered to be carried, and says what holds it", async () => {
-  const connections = [
+  const connections: Custody["connections"] = [
     { key: "valve_1_4_flask_1", medium: "liquid", to: "Valve 1" },
     { key: "k", medium: "gas", to: "" },
   ];

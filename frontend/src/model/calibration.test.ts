@@ -33,7 +33,9 @@ describe("a calibration", () => {
   });
 
   it("reaches as far as its worst point", () => {
-    const bad = calibration({ points: [{ level: 1, indicated: 100, reference: 90, at_s: 0 }] });
+    const bad = calibration({
+      points: [{ level: 1, indicated: 100, reference: 90, standard: 0, at_s: 0 }],
+    });
     expect(residualPlot(bad, VOLUME)?.reach).toBeGreaterThan(0.07);
   });
 

@@ -21,12 +21,17 @@ export function calibration(changes: Partial<Calibration> = {}): Calibration {
       level,
       indicated: level,
       reference: level * 0.9699,
+      standard: 0,
       at_s: 0,
     })),
     result: {
+      quantity: "volume",
       gain: 0.97,
       offset: 0,
       gain_expanded: 0.0002,
+      offset_expanded: 0,
+      covariance: 0,
+      findings: [],
       slope_pct: null,
       offset_mv: null,
       levels: LEVELS.map((level) => ({

@@ -16,6 +16,13 @@ const axis = { column: "time", unit: "s", points_count: 3, least: 0, most: 2 };
 function aReading(id: string, points: number | null): FileReading {
   return {
     id,
+    file_id: "f",
+    file_sha256: "ab".repeat(32),
+    facts: {},
+    kept_at: "2026-11-20T06:02:07Z",
+    resource_id: null,
+    device_id: null,
+    job_id: null,
     index: 1,
     name: id,
     quantity: id,

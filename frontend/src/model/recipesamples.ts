@@ -38,7 +38,7 @@ export function aPlan(steps: PlannedStep[]): RecipePlan {
 }
 
 export function aRig(): Rig {
-  const tube = { medium: "liquid" };
+  const tube = { medium: "liquid" as const };
   const holds: RigNode["holds"] = [];
   return {
     format: "node_link",

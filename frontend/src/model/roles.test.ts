@@ -2,7 +2,14 @@ import { expect, test } from "vitest";
 import { actionsOfRole, rolesOf } from "./roles";
 import type { DeviceAction, PaletteDevice } from "./wire";
 
-const action = (name: string): DeviceAction => ({ name, label: name, doc: "", schema: {} });
+const action = (name: string): DeviceAction => ({
+  name,
+  label: name,
+  doc: "",
+  schema: {},
+  hazards: [],
+  recovery: "R0",
+});
 
 const device = (id: string, roles: string[], ...actions: string[]): PaletteDevice => ({
   id,

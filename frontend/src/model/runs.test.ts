@@ -2,6 +2,7 @@ import { expect, test } from "vitest";
 import { conditionText, evidenceRows, problemText, waitingSteps } from "./evidence";
 import { currentStep, deviceName, findProblems, pauseText, stepProgress } from "./runs";
 import { aJob, aRun, iso } from "./samples";
+import type { Correction } from "./wire";
 
 const doubtful = () =>
   aRun([
@@ -124,11 +125,25 @@ test("the line of a device is told by the device and its socket, not by a path",
   );
 });
 
+const aCorrection = (fields: Partial<Correction>): Correction => ({
+  argument: "",
+  quantity: "volume",
+  asked: null,
+  sent: null,
+  gain: 1,
+  offset: 0,
+  calibration_id: "c",
+  number: 1,
+  low: null,
+  high: null,
+  needs: null,
+  expires_at: null,
+  ...fields,
+});
+
 test("a number that a calibration made right stands as asked and as sent", () => {
   const job = aJob(0, "a", "complete", {
-    corrections: [
-      { argument: "volume_ul", quantity: "volume", asked: 2000, sent: 2061.8557, number: 3 },
-    ],
+    corrections: [aCorrection({ argument: "volume_ul", asked: 2000, sent: 2061.8557, number: 3 })],
   });
   expect(evidenceRows(job, String)[1]).toEqual({
     label: "Volume",
@@ -137,9 +152,7 @@ test("a number that a calibration made right stands as asked and as sent", () =>
 });
 
 test("a reading stands as told and as true, and beyond its levels nothing is claimed", () => {
-  const corrections = [
-    { argument: "value_ph", quantity: "ph" as const, asked: null, sent: null, number: 2 },
-  ];
+  const corrections = [aCorrection({ argument: "value_ph", quantity: "ph", number: 2 })];
   const told = (value: number | null) =>
     evidenceRows(
       aJob(0, "a", "complete", {

@@ -8,18 +8,12 @@ import type { components } from "./api.gen";
 import type {
   DeviceAction,
   Finding,
-  Id,
   Iso,
-  JobState,
-  Plan,
   Schema,
-  SentencePart,
+  Refined,
   Version,
   WorkflowDocument,
 } from "./wirebase";
-import type { RunFile } from "./wirefiles";
-import type { DeviceHalt, HostAway } from "./wirelab";
-import type { Asks, RecoveryCard } from "./wirerecovery";
 
 type Answers = components["schemas"];
 
@@ -31,7 +25,7 @@ export interface Refusal {
   findings: Finding[];
 }
 
-export type Mode = "sim" | "live";
+export type Mode = Answers["Mode"];
 
 export type User = Answers["SignedInUser"];
 
@@ -49,59 +43,32 @@ export type PortKind = "done" | "material" | "data";
 
 export type StepPort = Answers["StepPort"];
 
-export interface UnitOperation {
-  kind: string;
-  label: string;
-  help: string;
-  clauses: string[];
-  inputs: StepPort[];
-  outputs: StepPort[];
-  params: Schema;
-}
+export type UnitOperation = Refined<Answers["StepChoice"], { params: Schema }>;
 
-export interface PaletteDevice {
-  id: Id;
-  name: string;
-  role: string;
-  roles: string[];
-  state: string;
-  actions: DeviceAction[];
-}
+export type PaletteDevice = Refined<Answers["PaletteDevice"], { actions: DeviceAction[] }>;
 
-export interface UnitTable {
-  canonical: string;
-  units: string[];
-  /** Another spelling → the unit that it means; none where the browser has the table itself. */
-  spellings?: Record<string, string>;
-  suffix: string;
-}
+/** Spellings lack where the browser has the table itself. */
+export type UnitTable = Refined<
+  Answers["UnitTable"],
+  { spellings?: Answers["UnitTable"]["spellings"] }
+>;
 
-export interface Steps {
-  steps: UnitOperation[];
-  devices: PaletteDevice[];
-  units: Record<string, UnitTable>;
-}
+export type Steps = Refined<
+  Answers["StepPalette"],
+  { steps: UnitOperation[]; devices: PaletteDevice[] }
+>;
 
 export type WorkflowRow = Answers["WorkflowOverview"];
 
 export type LastRun = Answers["LastRunOf"];
 
-export interface Workflow extends WorkflowRow {
-  draft: WorkflowDocument;
-  /** What the page left out or moved so that the draft can be shown. */
-  draft_notes?: string[];
-  draft_revision: number;
-  versions: Version[];
-  can_edit: boolean;
-}
+/** With what the page left out or moved so that the draft can be shown. */
+export type Workflow = Refined<
+  Answers["WorkflowDetail"],
+  { draft: WorkflowDocument; draft_notes?: string[]; versions: Version[] }
+>;
 
-export interface CheckResult {
-  findings: Finding[];
-  plan: Plan | null;
-  policies: string[];
-  sentences: Record<string, SentencePart[]>;
-  proof: Proof | null;
-}
+export type CheckResult = Answers["WorkflowCheck"];
 
 /** The version whose recipe was proved, and what took the proof away since; nothing: it holds. */
 export type Proof = Answers["DraftProof"];
@@ -114,16 +81,7 @@ export type WaitsFor = Answers["RunWait"];
 
 export type Hold = Answers["RunHoldRow"];
 
-export type RunState =
-  | "draft"
-  | "awaiting_approval"
-  | "queued"
-  | "running"
-  | "pausing"
-  | "paused"
-  | "completing"
-  | "complete"
-  | "aborted";
+export type RunState = Answers["RunState"];
 
 /** How much the readings before and since say was moved. */
 export type Measured = Answers["MeasuredAmount"];
@@ -150,93 +108,23 @@ export interface ConditionResult {
 }
 
 /** A number that a calibration made right, as asked and as sent; both null: it is read. */
-export interface Correction {
-  argument: string;
-  quantity: "volume" | "ph" | "temperature";
-  asked: number | null;
-  sent: number | null;
-  number: number;
+export type Correction = Answers["Correction"];
+
+/** What speaks for the state of a job. */
+export interface Evidence {
+  report?: Record<string, unknown> | null;
+  pre?: ConditionResult[] | null;
+  post?: ConditionResult[] | null;
+  resolution?: Resolution | null;
+  /** What was to follow the answer and could not be done any more. */
+  then_failed?: { choice: string; why_not: string } | null;
+  /** Of what was read: the corrected value beside what the device told. */
+  corrected?: Record<string, { raw: number; value: number | null; number: number }> | null;
 }
 
-export interface Job {
-  id: Id;
-  index: number;
-  step_id: string;
-  sentence: string;
-  device: { id: Id; name: string; key: string };
-  /** How many devices may do it, where its step asks for a role; 0: its device alone. */
-  choices_count: number;
-  /** Why it is that device, or why it waits for any. */
-  chosen: string | null;
-  action: string;
-  args: Record<string, unknown>;
-  corrections: Correction[];
-  operation: unknown;
-  state: JobState;
-  state_at: Iso | null;
-  started_at: Iso | null;
-  ended_at: Iso | null;
-  estimate_s: number;
-  verification: string;
-  code: string;
-  message: string;
-  evidence: {
-    report?: Record<string, unknown> | null;
-    pre?: ConditionResult[] | null;
-    post?: ConditionResult[] | null;
-    resolution?: Resolution | null;
-    /** What was to follow the answer and could not be done any more. */
-    then_failed?: { choice: string; why_not: string } | null;
-    /** Of what was read: the corrected value beside what the device told. */
-    corrected?: Record<string, { raw: number; value: number | null; number: number }> | null;
-  };
-  after: number[];
-  transaction: { id: Id; state: string } | null;
-  passed_by: "skip" | "hand" | "change" | null;
-  /** Why its device was halted after it was done, which undid it; `let_go`: somebody goes on so. */
-  halted_by: string | null;
-  /** Whether that ends for certain what it had begun; of a foreign node only its maker knows. */
-  is_halt_certain: boolean;
-  recovery_class: string;
-  question: Question | null;
-  recovery?: RecoveryCard | null;
-  /** What a person confirms before it is sent, and who has; null: nothing. */
-  asks?: Asks | null;
-}
+export type Job = Refined<Answers["JobRow"], { evidence: Evidence }>;
 
 /** One way in which a run leaves what was proved, at its job or step. */
 export type Departure = Answers["Departure"];
 
-export interface Run extends RunRow {
-  document: WorkflowDocument;
-  plan: Plan;
-  jobs: Job[];
-  /** Who aborted it, when and why; null: nobody has, or it was before this was written down. */
-  given_up: { by: string; at: Iso; reason: string } | null;
-  /** Of an aborted run: its devices that had to be halted, and what came of it. */
-  halts: DeviceHalt[];
-  files: RunFile[];
-  approval: { id: Id; state: string } | null;
-  /** How a run of a recipe leaves what was proved, and who let it go on so; null: no recipe. */
-  proof: {
-    departures: Departure[];
-    accepted: Departure[];
-    by: string | null;
-    at: Iso | null;
-  } | null;
-  /** What the workflow declares for hosts that cannot hear the server; null: nothing. */
-  execution: { on_disconnect: string; max_offline_s: number } | null;
-  hosts_away: HostAway[];
-  /** Devices on which something of the run stands, and of which it cannot be read back. */
-  silent: { device: { id: Id; name: string }; since_at: Iso; sentences: string[] }[];
-  /** Answers of people about doubts that a device reads otherwise since; each is a ticket. */
-  contradicted: { ticket_id: Id; text: string; opened_at: Iso }[];
-  can: {
-    pause: boolean;
-    resume: boolean;
-    abort: boolean;
-    resolve: boolean;
-    recover: boolean;
-    confirm: boolean;
-  };
-}
+export type Run = Refined<Answers["RunDetail"], { document: WorkflowDocument; jobs: Job[] }>;

@@ -3,15 +3,14 @@
 import type { components } from "./api.gen";
 
 type Answers = components["schemas"];
+/** An answer of which some fields are known better than its schema says. */
+export type Refined<Answer, Fields> = Omit<Answer, keyof Fields> & Fields;
+
 export type Id = string;
 export type Iso = string;
 
-export interface Finding {
-  code: string;
-  message: string;
-  subject: string;
-  context: Record<string, unknown>;
-}
+/** What the server leaves out of a finding it does not leave out of an answer. */
+export type Finding = Required<Answers["Finding"]>;
 
 /** The parts of JSON Schema 2020-12 that steps and drivers use. */
 export interface Schema {
@@ -38,12 +37,10 @@ export interface Schema {
   "x-resource"?: { holds?: string; kind?: string[]; acts?: boolean };
 }
 
-export interface DeviceAction {
-  name: string;
-  label: string;
-  doc: string;
-  schema: Schema;
-}
+/** What a form of arguments needs of an action. */
+export type ActionForm = Pick<DeviceAction, "name" | "label" | "doc" | "schema">;
+
+export type DeviceAction = Refined<Answers["DeviceAction"], { schema: Schema }>;
 
 export interface WorkflowStep {
   id: string;
@@ -68,20 +65,10 @@ export interface WorkflowDocument {
   edges: WorkflowEdge[];
 }
 
-export interface Version {
-  id: Id;
-  number: number;
-  note: string;
-  author: string | null;
-  at: Iso;
-  document?: WorkflowDocument;
-}
+export type Version = Answers["VersionRow"] & { document?: WorkflowDocument };
 
-export interface SentencePart {
-  text: string;
-  strong?: boolean;
-  sort?: string;
-}
+/** Words of a sentence; the browser makes plain ones, too. */
+export type SentencePart = Pick<Answers["WordsOfStep"], "text"> & Partial<Answers["WordsOfStep"]>;
 
 export type PlannedJob = Answers["PlanJob"];
 
@@ -92,18 +79,4 @@ export type Plan = Answers["PlanView"];
 /** Steps whose movements of matter the plan was proved to make, and steps that no proof covers. */
 export type Proved = Answers["PlanProof"];
 
-export type JobState =
-  | "draft"
-  | "awaiting_approval"
-  | "queued"
-  | "held"
-  | "suspended"
-  | "dispatched"
-  | "accepted"
-  | "running"
-  | "completing"
-  | "in_doubt"
-  | "complete"
-  | "aborted"
-  | "stopped"
-  | "rejected";
+export type JobState = Answers["JobState"];

@@ -1,7 +1,7 @@
 /** What crosses the border about drivers; named as the server names it. */
 
 import type { components } from "./api.gen";
-import type { DeviceAction, Schema } from "./wirebase";
+import type { DeviceAction, Refined, Schema } from "./wirebase";
 
 type Answers = components["schemas"];
 
@@ -13,7 +13,7 @@ interface Open {
 
 export type DriverStateName = DriverRow["state"];
 export type DriverRow = Answers["DriverRow"];
-export type DriverReading = Omit<Answers["DriverReading"], keyof Open> & Open;
+export type DriverReading = Refined<Answers["DriverReading"], Open>;
 
 /** What a driver declares. */
 export type DriverInterface = Omit<DriverReading, "module" | "class_name" | "digest" | "known">;
@@ -22,6 +22,6 @@ export type DriverUse = Answers["DriverUse"];
 export type PartChanges = Answers["DriverPartChanges"];
 export type DriverPlace = Answers["DriverPlace"];
 export type DriverRequest = Answers["DriverRequest"];
-export type DriverDetail = Omit<Answers["DriverDetail"], keyof Open> & Open;
+export type DriverDetail = Refined<Answers["DriverDetail"], Open>;
 export type ChangedLine = Answers["ChangedLine"];
 export type ModuleChange = Answers["ModuleChange"];

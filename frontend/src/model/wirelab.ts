@@ -1,7 +1,7 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
 import type { components } from "./api.gen";
-import type { Id, Iso, Plan } from "./wirebase";
+import type { Id, Plan } from "./wirebase";
 import type { CalibrationChange } from "./wirecalibration";
 
 type Answers = components["schemas"];
@@ -30,39 +30,12 @@ export type Content = Answers["ContentRow"];
 export type ResourceRow = Answers["ResourceRow"];
 
 /** All of a connection as it is shown; it is taken off only while it still is so. */
-export interface SeenConnection {
-  connection_id: Id;
-  key: string;
-  source_id: Id;
-  source_port: string;
-  target_id: Id;
-  target_port: string;
-  medium: string;
-}
+export type SeenConnection = Answers["SeenConnection"];
 
 export type Resource = Answers["ResourceDetail"];
 
 /** Which edge host writes a vessel's facts, and the move it is on. */
-export interface Custody {
-  host: { id: Id; name: string } | null;
-  move: {
-    id: Id;
-    state: string;
-    from: { id: Id; name: string } | null;
-    to: { id: Id; name: string } | null;
-    place: { id: Id; name: string } | null;
-    asked_by: string | null;
-    asked_at: Iso;
-    released_at: Iso | null;
-    is_told: boolean;
-  } | null;
-  /** What keeps it where it is: it is not carried before these are off. */
-  connections: { key: string; medium: string; to: string }[];
-  is_allowed: boolean;
-  /** Kinds of resource that carry others. */
-  /** Of a kind that takes it; each with why there is no room for it now. */
-  places: { id: Id; why_not: string | null }[];
-}
+export type Custody = Answers["CustodyDetail"];
 
 /** Exclusive use of a resource in the near future; the time ends it. */
 export type Reservation = Answers["ReservationRow"];

@@ -1,7 +1,7 @@
 /** What crosses the border about recipes that are opened on a rig. */
 
 import type { components } from "./api.gen";
-import type { Finding } from "./wirebase";
+import type { Finding, Refined } from "./wirebase";
 import type { WorkflowDocument } from "./wire";
 
 type Answers = components["schemas"];
@@ -14,22 +14,9 @@ export type RecipeFinding = Answers["RecipeFinding"];
 
 export type RigNode = Answers["RigNode"];
 
-export interface RigTube {
-  key: string;
-  source: string;
-  source_port: string;
-  target: string;
-  target_port: string;
-  medium: string;
-}
+export type RigTube = Answers["RigTube"];
 
-export interface Rig {
-  format: string;
-  sha256: string;
-  nodes: RigNode[];
-  tubes: RigTube[];
-  defects: Finding[];
-}
+export type Rig = Refined<Answers["RigPicture"], { defects: Finding[] }>;
 
 export interface PlannedAction {
   device: string;

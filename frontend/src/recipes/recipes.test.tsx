@@ -113,7 +113,7 @@ test("a recipe that would not start now says at which step and why", async () =>
         context: {},
       },
     ],
-    sentences: { s4: [{ text: "Bring the reactor to 130 °C" }] },
+    sentences: { s4: [{ text: "Bring the reactor to 130 °C", strong: false, sort: "" }] },
   });
   const sent = page(() => anOpening());
   const finding = await screen.findByTestId("start-finding");
