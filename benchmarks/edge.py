@@ -26,11 +26,11 @@ from drivers.load import read_spec
 from labweb.domain.messages import Cancel, DeviceConfig, Do, EdgeEvent, ResourceView
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import ROOT, SPACE, Server
-from workers.app import ACCEPT, post
-from workers.config import HostConfig, ValkeyConfig, command_queue
-from workers.host import find_valkey
-from workers.keys import create_key
-from workers.store import Store
+from workers.base.celery_apps import ACCEPT, post
+from workers.base.config import HostConfig, ValkeyConfig, command_queue
+from workers.base.signatures import create_key
+from workers.base.valkey_store import Store
+from workers.host.valkey_process import find_valkey
 
 MODULE = "drivers.virtual.timer"
 START_S = 120.0

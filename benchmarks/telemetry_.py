@@ -39,8 +39,8 @@ from tests.builders import Bench, Edge, a_lab
 from tests.labweb.web import signed_in
 from tests.system.stack import free_port
 from tests.workers.bench import ROOT
-from workers.samples import SampleTeller
-from workers.store import Store
+from workers.base.valkey_store import Store
+from workers.uplink.sample_delivery import SampleTeller
 
 SECONDS = 60
 DEVICES_COUNT = 100

@@ -19,10 +19,10 @@ import msgspec
 from drivers.base import Driver, status
 from drivers.transports.virtual import VirtualTransport
 from labweb.domain.messages import DeviceConfig
-from workers.clock import SystemClock
-from workers.store import Store
-from workers.telemetry import Sampler
-from workers.unit import Unit
+from workers.base.system_clock import SystemClock
+from workers.base.valkey_store import Store
+from workers.line.device_unit import Unit
+from workers.line.status_sampling import Sampler
 
 LINE = "virtual:measured"
 STATUSES = tuple(f"level_{number}_c" for number in range(10))

@@ -10,11 +10,11 @@ import pytest
 
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import BOOT_ID, HOST_ID, Host
-from workers.config import HostConfig, ValkeyConfig
-from workers.identity import Identity
-from workers.keys import create_key
-from workers.store import Store
-from workers.uplink import Uplink
+from workers.base.config import HostConfig, ValkeyConfig
+from workers.base.signatures import create_key
+from workers.base.valkey_store import Store
+from workers.enrollment.host_identity import Identity
+from workers.uplink.uplink import Uplink
 
 EVENTS_COUNT = 10_000
 WITHIN_S = 60.0

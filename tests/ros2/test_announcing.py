@@ -33,11 +33,11 @@ from labweb.domain.messages import Sighting
 from tests.fixtures.running import ROOT
 from tests.ros2.conftest import Peer
 from tests.workers.bench import HOST_ID
-from workers import announce
-from workers.config import DdsConfig, DiscoveryConfig, HostConfig, ValkeyConfig
-from workers.discovery import Discovery, read_announcement
-from workers.keys import HostKey, load_key
-from workers.store import Store
+from workers.base.config import DdsConfig, DiscoveryConfig, HostConfig, ValkeyConfig
+from workers.base.signatures import HostKey, load_key
+from workers.base.valkey_store import Store
+from workers.enrollment import announce
+from workers.enrollment.discovery import Discovery, read_announcement
 
 DOMAIN = 77
 
@@ -199,7 +199,7 @@ def test_the_command_announces_what_a_file_says(
 ) -> None:
     said = {"name": "Stirrer", "serial": "11", "port": 5000, "address": "192.0.2.9"}
     (tmp_path / "device.json").write_text(json.dumps(said))
-    command = [sys.executable, "-m", "workers.announce", str(tmp_path / "device.json")]
+    command = [sys.executable, "-m", "workers.enrollment.announce", str(tmp_path / "device.json")]
     command += ["--key", str(tmp_path / "device.key"), "--domain", str(DOMAIN), "--every", "1"]
     found: list[Sighting] = []
 

@@ -27,14 +27,14 @@ from labweb.domain.errors import DefinitionError, RejectedError
 from labweb.domain.messages import Ask, AskTold, DeviceConfig, WithdrawAsk
 from tests.ros2.conftest import SHARE, Peer
 from tests.workers.bench import DEVICE_ID, HOST_ID, Server, a_device
-from workers.config import HostConfig, Ros2Config, ValkeyConfig, load_config
-from workers.journal import Journal, create_journal
+from workers.base.config import HostConfig, Ros2Config, ValkeyConfig, load_config
+from workers.base.valkey_store import ASKS, ASKS_TOLD, Sample, Store
+from workers.journal.journal import Journal, create_journal
 from workers.ros2.__main__ import files_of
 from workers.ros2.bridge import Bridge
 from workers.ros2.mapping import action_name, action_text, parameter_value, parameters_of
-from workers.session import open_session
-from workers.store import ASKS, ASKS_TOLD, Sample, Store
-from workers.telling import Word
+from workers.uplink.host_reports import Word
+from workers.uplink.session import open_session
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 

@@ -19,20 +19,20 @@ from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.types import Types
 from tests.workers.bench import ROOT, environment
-from workers import confine
-from workers.bounds import segments_of
-from workers.datagrams import Card, Segment, find_card
+from workers.sandbox import confinement
+from workers.sandbox.address_bounds import segments_of
+from workers.sandbox.datagram_proxy import Card, Segment, find_card
 
 guarded = pytest.mark.skipif(
-    not confine.has_guards(), reason="the kernel has no Landlock with ports, or asks no guard"
+    not confinement.has_guards(), reason="the kernel has no Landlock with ports, or asks no guard"
 )
 DOMAIN = 78
 TOPIC, MESSAGE = "/confined", "std_msgs/msg/String"
 
 LINE = f"""
 import sys, threading
-from workers.bounds import segments_of
-from workers.confine import Bounds, confine
+from workers.sandbox.address_bounds import segments_of
+from workers.sandbox.confinement import Bounds, confine
 
 url = sys.argv[1]
 confine(Bounds(segments=segments_of([url]), has_interfaces=True))
@@ -57,8 +57,8 @@ bus.close()
 
 SENDS = """
 import ctypes, errno, json, socket, struct, sys, threading
-from workers.bounds import segments_of
-from workers.confine import Bounds, confine
+from workers.sandbox.address_bounds import segments_of
+from workers.sandbox.confinement import Bounds, confine
 
 url, card, port, names = sys.argv[1], sys.argv[2], int(sys.argv[3]), json.loads(sys.argv[4])
 confine(Bounds(segments=segments_of([url]), has_interfaces=True))

@@ -36,16 +36,16 @@ from labweb.domain.messages import (
     Welcome,
     event_hash,
 )
-from workers.accept import Receipt, accept
-from workers.clock import SystemClock
-from workers.drivers import Drivers, DriverStore
-from workers.executor import Executor
-from workers.files import Files
-from workers.journal import Journal, create_journal
-from workers.line import make_units
-from workers.session import arm, open_session
-from workers.store import Store
-from workers.unit import Unit
+from workers.base.system_clock import SystemClock
+from workers.base.valkey_store import Store
+from workers.journal.command_acceptance import Receipt, accept
+from workers.journal.journal import Journal, create_journal
+from workers.line.action_files import Files
+from workers.line.device_unit import Unit
+from workers.line.driver_store import Drivers, DriverStore
+from workers.line.executor import Executor
+from workers.line.line_process import make_units
+from workers.uplink.session import arm, open_session
 
 MODULE = "drivers.connectors.tricontinent_c3000"
 SPACE = UUID("7a3d7f0e-6d54-4f0e-9a43-3e6a1f9a1c11")

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.workers.bench import BOOT_ID, Host, PumpProcess, until
-from workers.host import find_valkey
-from workers.store import Store
+from workers.base.valkey_store import Store
+from workers.host.valkey_process import find_valkey
 
 
 @pytest.fixture(autouse=True)

@@ -27,10 +27,11 @@ from drivers.transports.ros2.types import Types
 from labweb.domain.enrollment.spec import DriverSpec, StatusSpec
 from labweb.domain.errors import DefinitionError, LabError
 from labweb.domain.messages import DeviceConfig
-from workers.config import HostConfig, Ros2Config
-from workers.devices import fingerprint
-from workers.drivers import DriverStore, is_installed
-from workers.journal import Journal
+from workers.base.config import HostConfig, Ros2Config
+from workers.base.device_lines import fingerprint
+from workers.base.valkey_store import Sample, Store
+from workers.journal.journal import Journal
+from workers.line.driver_store import DriverStore, is_installed
 from workers.ros2.goals import Goals
 from workers.ros2.mapping import (
     action_name,
@@ -41,7 +42,6 @@ from workers.ros2.mapping import (
     status_type,
 )
 from workers.ros2.scene import begin
-from workers.store import Sample, Store
 
 log = logging.getLogger(__name__)
 

@@ -16,9 +16,9 @@ from drivers.transports.ros2.bus import Bus
 from labweb.domain.enrollment.spec import ActionSpec, check_arguments
 from labweb.domain.errors import LabError
 from labweb.domain.messages import Ask, AskTold, WithdrawAsk
+from workers.base.valkey_store import ASKS, ASKS_TOLD, Store
 from workers.ros2.mapping import action_arguments
-from workers.store import ASKS, ASKS_TOLD, Store
-from workers.telling import Word
+from workers.uplink.host_reports import Word
 
 log = logging.getLogger(__name__)
 

@@ -20,9 +20,9 @@ from labweb.domain.messages import (
     TryoutTold,
     WireRecord,
 )
-from workers.tryouts.child import Said, Start, Wish
-from workers.tryouts.driving import Driving
-from workers.tryouts.simulator import Simulator
+from workers.tryouts.driver_control import Driving
+from workers.tryouts.driver_process import Said, Start, Wish
+from workers.tryouts.simulated_instrument import Simulator
 
 log = logging.getLogger(__name__)
 
