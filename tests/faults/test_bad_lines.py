@@ -24,8 +24,8 @@ from tests.workers.hub import Hub
 from workers.base import faults
 from workers.base.config import HostConfig, ValkeyConfig
 from workers.base.signatures import HostKey, create_key, load_key
-from workers.base.valkey_store import Store
-from workers.enrollment.host_identity import Identity
+from workers.base.valkey_store import ValkeyStore
+from workers.enrollment.host_identity import HostIdentity
 from workers.journal.journal import Journal
 from workers.uplink import reconnect_backoff, uplink
 
@@ -157,11 +157,11 @@ async def test_the_server_gets_every_event_once_over_a_bad_line(
         monkeypatch.setattr(uplink, name, value)
     monkeypatch.setattr(reconnect_backoff, "LONGEST_RETRY_S", 0.6)
     with a_bench(tmp_path) as bench:
-        store = Store("unix:///nowhere")
+        store = ValkeyStore("unix:///nowhere")
         made = uplink.Uplink(
             bench.config,
             bench.host.journal,
-            Identity(bench.key, Path("-"), None, None),
+            HostIdentity(bench.key, Path("-"), None, None),
             store,
             lambda _: None,
         )
@@ -236,8 +236,8 @@ def connect(config: HostConfig, variables: dict[str, str]) -> None:
     made = uplink.Uplink(
         config,
         journal,
-        Identity(key, Path("-"), None, None),
-        Store("unix:///nowhere"),
+        HostIdentity(key, Path("-"), None, None),
+        ValkeyStore("unix:///nowhere"),
         lambda _: None,
     )
     asyncio.run(made.run())

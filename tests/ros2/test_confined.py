@@ -21,10 +21,10 @@ from drivers.transports.ros2.types import Types
 from tests.workers.bench import ROOT, environment
 from workers.sandbox import confinement
 from workers.sandbox.address_bounds import segments_of
-from workers.sandbox.datagram_proxy import Card, Segment, find_card
+from workers.sandbox.datagram_proxy import DatagramSegment, NetworkCard, find_card
 
 guarded = pytest.mark.skipif(
-    not confinement.has_guards(), reason="the kernel has no Landlock with ports, or asks no guard"
+    not confinement.has_proxies(), reason="the kernel has no Landlock with ports, or asks no guard"
 )
 DOMAIN = 78
 TOPIC, MESSAGE = "/confined", "std_msgs/msg/String"
@@ -110,7 +110,7 @@ print(json.dumps(found))
 """
 
 
-def a_card() -> Card | None:
+def a_card() -> NetworkCard | None:
     """The card with which this machine would speak to another network; None: it has none."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
         try:
@@ -224,8 +224,8 @@ def _sends(url: str, card: str, port: int, names: dict[str, tuple[str, int]]) ->
     return found
 
 
-CARD = Card(2, IPv4Interface("192.0.2.2/24"))
-SEGMENT = Segment("192.0.2.2", ("239.255.0.1", 7400), frozenset({"198.51.100.7"}))
+CARD = NetworkCard(2, IPv4Interface("192.0.2.2/24"))
+SEGMENT = DatagramSegment("192.0.2.2", ("239.255.0.1", 7400), frozenset({"198.51.100.7"}))
 
 
 @pytest.mark.parametrize(

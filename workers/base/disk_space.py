@@ -11,7 +11,7 @@ LEAST_BYTES = 2**20
 """With less, a write that was refused was refused for want of room."""
 
 
-class Told(TypedDict):
+class DiskSpace(TypedDict):
     """What a sign of life says of the disk."""
 
     disk_free_bytes: int
@@ -19,14 +19,14 @@ class Told(TypedDict):
     is_disk_read_only: bool
 
 
-def told_of(folder: Path) -> Told:
+def disk_space_of(folder: Path) -> DiskSpace:
     """Ask the system.
 
     Raises:
         OSError: It does not say.
     """
     found = os.statvfs(folder)
-    return Told(
+    return DiskSpace(
         disk_free_bytes=found.f_bavail * found.f_frsize,
         disk_total_bytes=found.f_blocks * found.f_frsize,
         is_disk_read_only=_is_read_only(folder, found.f_flag),
@@ -47,7 +47,7 @@ def _is_read_only(folder: Path, flags: int) -> bool:
 def is_short(folder: Path) -> bool:
     """Say whether a disk takes nothing now, which a person can mend while a process waits."""
     try:
-        told = told_of(folder)
+        told = disk_space_of(folder)
     except OSError:
         return False
     return told["is_disk_read_only"] or told["disk_free_bytes"] < LEAST_BYTES

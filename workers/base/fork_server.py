@@ -65,7 +65,7 @@ _GO = b"."
 _STDOUT = 1
 
 
-class Wish(msgspec.Struct, frozen=True):
+class ForkRequest(msgspec.Struct, frozen=True):
     """What shall be started."""
 
     parent: int
@@ -203,7 +203,7 @@ class ForkServer:
         self.keep()
         if self._channel is None or not self._can_fork():
             return None
-        wish = Wish(os.getpid(), int(orphan_signal), kind, [*map(os.fsencode, argv)])
+        wish = ForkRequest(os.getpid(), int(orphan_signal), kind, [*map(os.fsencode, argv)])
         near, far = socket.socketpair()
         with near:
             try:
@@ -299,7 +299,7 @@ def main(argv: Sequence[str]) -> None:
             return
         if _fork_twice():
             channel.close()
-            _become(msgspec.json.decode(raw, type=Wish), *handles)
+            _become(msgspec.json.decode(raw, type=ForkRequest), *handles)
             return
         for handle in handles:
             os.close(handle)
@@ -327,7 +327,7 @@ def _fork_twice() -> bool:
     return True
 
 
-def _become(wish: Wish, link: int, output: int | None = None) -> None:
+def _become(wish: ForkRequest, link: int, output: int | None = None) -> None:
     signal(SIGINT, default_int_handler)
     argv = [os.fsdecode(word) for word in wish.argv]
     with socket.socket(fileno=link) as told:

@@ -7,7 +7,7 @@ import logging
 FORMAT = "%(asctime)s %(levelname)s %(name)s %(message)s"
 
 
-class LossyStream(logging.StreamHandler):  # type: ignore[type-arg] # generic in the stubs alone
+class LossyLogStream(logging.StreamHandler):  # type: ignore[type-arg] # generic in the stubs alone
     """Writes to the log of its process; what is lost is counted, and told before the next line."""
 
     def __init__(self) -> None:
@@ -33,4 +33,4 @@ class LossyStream(logging.StreamHandler):  # type: ignore[type-arg] # generic in
 
 def set_up(level: str) -> None:
     """Let this process log to its standard error from a level on."""
-    logging.basicConfig(level=level, format=FORMAT, handlers=[LossyStream()])
+    logging.basicConfig(level=level, format=FORMAT, handlers=[LossyLogStream()])

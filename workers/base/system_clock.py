@@ -6,7 +6,7 @@ import threading
 import time
 
 
-class SystemClock:
+class HostClock:
     """The machine's clocks, as `labweb.domain.ports.Clock` wants them."""
 
     def now_s(self) -> float:

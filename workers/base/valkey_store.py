@@ -51,7 +51,7 @@ PICTURE_S = 20
 """How long a picture is at hand after it was taken."""
 
 
-class Sample(msgspec.Struct, frozen=True, array_like=True):
+class StatusSample(msgspec.Struct, frozen=True, array_like=True):
     """One value of one status."""
 
     device_id: str
@@ -64,12 +64,12 @@ class Sample(msgspec.Struct, frozen=True, array_like=True):
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
+class SampleBatch:
     """Samples of one line, and how many it had taken or lost before."""
 
     key: str
     line: str
-    samples: list[Sample]
+    samples: list[StatusSample]
     taken_count: int
     """Samples the line had taken since its process began, these included."""
 
@@ -79,7 +79,7 @@ class Batch:
     size_bytes: int = 0
 
 
-class Store:
+class ValkeyStore:
     """Shared by the processes of one host. Nothing here is needed for correctness."""
 
     BATCHES_AT_ONCE = 200
@@ -96,7 +96,7 @@ class Store:
         self._redis.close()
 
     def put(
-        self, line: str, samples: Sequence[Sample], taken_count: int, began_s: float = 0.0
+        self, line: str, samples: Sequence[StatusSample], taken_count: int, began_s: float = 0.0
     ) -> bool:
         """Keep samples as latest values and for the uplink; False: they are lost."""
         latest: dict[str, dict[str, bytes]] = {}
@@ -120,7 +120,7 @@ class Store:
             return False
         return True
 
-    def share(self, samples: Sequence[Sample]) -> None:
+    def share(self, samples: Sequence[StatusSample]) -> None:
         """Keep values for the other lines alone, until the next sample: no uplink tells them."""
         try:
             pipe = self._redis.pipeline(transaction=False)
@@ -130,15 +130,17 @@ class Store:
         except AWAY:
             return
 
-    def latest(self, device_id: UUID, status: str) -> Sample | None:
+    def latest(self, device_id: UUID, status: str) -> StatusSample | None:
         """Return the last value of a status, or None."""
         try:
             found = self._redis.hget(_latest(str(device_id)), status)
         except AWAY:
             return None
-        return None if found is None else msgspec.json.decode(cast("bytes", found), type=Sample)
+        return (
+            None if found is None else msgspec.json.decode(cast("bytes", found), type=StatusSample)
+        )
 
-    def latest_of(self, device_ids: Iterable[UUID]) -> list[Sample]:
+    def latest_of(self, device_ids: Iterable[UUID]) -> list[StatusSample]:
         """Return the last value of every status of devices; one exchange."""
         pipe = self._redis.pipeline(transaction=False)
         for device_id in device_ids:
@@ -147,7 +149,7 @@ class Store:
             found = cast("list[list[bytes]]", pipe.execute())
         except AWAY:
             return []
-        return [msgspec.json.decode(raw, type=Sample) for values in found for raw in values]
+        return [msgspec.json.decode(raw, type=StatusSample) for values in found for raw in values]
 
     def put_anchor(self, text: bytes) -> None:
         """Keep what was measured of the server's clock, for the lines."""
@@ -175,7 +177,7 @@ class Store:
         except AWAY:
             return None
 
-    def batches(self, after: str, *, wait_s: float) -> list[Batch]:
+    def batches(self, after: str, *, wait_s: float) -> list[SampleBatch]:
         """Return the batches after that key, waiting for the first; `$` means from here on."""
         block = max(1, int(wait_s * 1000))
         found = self._redis.xread({STREAM: after}, count=self.BATCHES_AT_ONCE, block=block)
@@ -309,11 +311,11 @@ def _latest(device_id: str) -> str:
     return f"edge:latest:{device_id}"
 
 
-def _to_batch(key: bytes, fields: dict[bytes, bytes]) -> Batch:
-    return Batch(
+def _to_batch(key: bytes, fields: dict[bytes, bytes]) -> SampleBatch:
+    return SampleBatch(
         key=key.decode(),
         line=fields[b"line"].decode(),
-        samples=msgspec.json.decode(fields[b"samples"], type=list[Sample]),
+        samples=msgspec.json.decode(fields[b"samples"], type=list[StatusSample]),
         taken_count=int(fields[b"taken"]),
         began_s=float(fields.get(b"began", 0.0)),
         size_bytes=len(fields[b"samples"]),

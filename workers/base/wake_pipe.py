@@ -52,7 +52,7 @@ def hang(path: Path) -> None:
         raise FileExistsError(errno.EEXIST, "this is no FIFO: take it away", str(path))
 
 
-class PlainBell:
+class WakePipe:
     """The waiting end, in a process that does one thing after the other."""
 
     def __init__(self, path: Path) -> None:
@@ -77,7 +77,7 @@ class PlainBell:
         os.close(self._handle)
 
 
-class Bell:
+class AsyncWakePipe:
     """The waiting end, in one event loop."""
 
     def __init__(self, path: Path) -> None:

@@ -29,8 +29,8 @@ from workers.base.signatures import is_signed
 from workers.journal.journal import Journal
 from workers.line.driver_store import check_approval
 from workers.sandbox.confinement import describe, is_possible
-from workers.tryouts.driver_control import Driving
-from workers.tryouts.driver_process import Said, Start, Wish
+from workers.tryouts.driver_control import DriverControl
+from workers.tryouts.driver_process import DriverCall, DriverReply, DriverStart
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ WATCH_S = 0.2
 """How often it is looked whether the line has come to be served meanwhile."""
 
 
-class Looker:
+class DeviceLooks:
     """Gathers what is to be looked at, and looks."""
 
     def __init__(self, journal: Journal) -> None:
@@ -144,13 +144,13 @@ class Looker:
             text = "a node of ROS 2 is not looked at: admit it for reading only"
             raise StateError(text, code="look.ros2")
         self._refuse_served(order.transport)
-        start = Start(modules, order.class_name, order.transport, order.config)
-        driving = await Driving.start(start, os.environ)
+        start = DriverStart(modules, order.class_name, order.transport, order.config)
+        control = await DriverControl.start(start, os.environ)
         began_s = time.monotonic()
         try:
-            said = await self._said(driving, order.transport)
+            said = await self._said(control, order.transport)
         finally:
-            await driving.end()
+            await control.end()
         values, problems = said.data.get("values", {}), said.data.get("problems", {})
         return LookTold(
             epoch=0,
@@ -162,9 +162,9 @@ class Looker:
             problems=problems,
         )
 
-    async def _said(self, driving: Driving, url: str) -> Said:
+    async def _said(self, control: DriverControl, url: str) -> DriverReply:
         """Return what the driver has read; it gives way once the line is to be served."""
-        asked = asyncio.create_task(driving.ask(Wish(1, "read"), READ_WITHIN_S))
+        asked = asyncio.create_task(control.ask(DriverCall(1, "read"), READ_WITHIN_S))
         try:
             while not (await asyncio.wait([asked], timeout=WATCH_S))[0]:
                 self._refuse_served(url)

@@ -33,8 +33,8 @@ from labweb.domain.errors import DefinitionError, LabError
 from labweb.domain.messages import DeviceConfig, Sighting
 from workers.base.config import BeaconConfig, DdsConfig, DiscoveryConfig, HostConfig
 from workers.base.signatures import is_signature
-from workers.base.valkey_store import Store
-from workers.enrollment.rate_limit import Sieve
+from workers.base.valkey_store import ValkeyStore
+from workers.enrollment.rate_limit import AnnouncementFilter
 from workers.journal.journal import Journal
 
 log = logging.getLogger(__name__)
@@ -86,12 +86,12 @@ class Discovery:
     """Listens and looks, and hands on what is new."""
 
     def __init__(
-        self, config: HostConfig, wanted: DiscoveryConfig, store: Store | None = None
+        self, config: HostConfig, wanted: DiscoveryConfig, store: ValkeyStore | None = None
     ) -> None:
         self._wanted = wanted
-        self._store = Store(config.valkey_url) if store is None else store
+        self._store = ValkeyStore(config.valkey_url) if store is None else store
         self._config = config
-        self._sieve = Sieve()
+        self._filter = AnnouncementFilter()
         self._lock = threading.Lock()
         self._announcements: Any = None
 
@@ -126,7 +126,7 @@ class Discovery:
         finally:
             journal.close()
         with self._lock:
-            self._sieve.serve({device.public_key for device in served})
+            self._filter.serve({device.public_key for device in served})
         return served
 
     def look(self) -> None:
@@ -134,7 +134,7 @@ class Discovery:
         for one in scan(self._wanted, {_line(device.transport) for device in self.serve()}):
             self._tell(one)
         with self._lock:
-            complaint = self._sieve.complaint()
+            complaint = self._filter.complaint()
         if complaint:
             log.warning("%s", complaint)
 
@@ -154,14 +154,14 @@ class Discovery:
     ) -> Beacon | None:
         """Return what is said; what a served device said before needs neither share nor check."""
         with self._lock:
-            beacon = self._sieve.known(packet)
-            is_admitted = beacon is None and self._sieve.admits(sender)
+            beacon = self._filter.known(packet)
+            is_admitted = beacon is None and self._filter.admits(sender)
         if not is_admitted:
             return beacon
         beacon = read(packet)
         if beacon is not None:
             with self._lock:
-                self._sieve.learn(packet, beacon)
+                self._filter.learn(packet, beacon)
         return beacon
 
     def _listen_over_dds(self, wanted: DdsConfig) -> None:
@@ -183,7 +183,7 @@ class Discovery:
 
     def _tell(self, one: Sighting) -> None:
         with self._lock:
-            if self._sieve.is_news(one):
+            if self._filter.is_news(one):
                 self._store.keep_sighting(msgspec.json.encode(one))
 
 

@@ -27,7 +27,7 @@ NEXT = ".next"
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class HostIdentity:
     """What a connection to the server is opened with."""
 
     key: HostKey
@@ -55,12 +55,12 @@ def verifying_context(authority: str) -> ssl.SSLContext:
     return context
 
 
-def server_name(identity: Identity) -> str | None:
+def server_name(identity: HostIdentity) -> str | None:
     """Return the name that the server's certificate must have; it is the lab's, not an address."""
     return None if identity.ca_file is None else SERVER_NAME
 
 
-def load_identity(key_file: Path, ca_file: Path | None) -> Identity:
+def load_identity(key_file: Path, ca_file: Path | None) -> HostIdentity:
     """Read who this host is.
 
     Raises:
@@ -68,7 +68,7 @@ def load_identity(key_file: Path, ca_file: Path | None) -> Identity:
     """
     key = load_key(key_file)
     if ca_file is None:
-        return Identity(key, key_file, None, None)
+        return HostIdentity(key, key_file, None, None)
     try:
         certificate = x509.load_pem_x509_certificate(key_file.read_bytes())
     except ValueError as error:
@@ -77,7 +77,7 @@ def load_identity(key_file: Path, ca_file: Path | None) -> Identity:
     due_s = renew_due_s(
         certificate.not_valid_before_utc.timestamp(), certificate.not_valid_after_utc.timestamp()
     )
-    return Identity(key, key_file, ca_file, due_s)
+    return HostIdentity(key, key_file, ca_file, due_s)
 
 
 def signing_request(key: HostKey) -> str:
@@ -105,7 +105,7 @@ def take_certificate(key_file: Path, key: HostKey, certificate: str, authority: 
     key_file.with_name(key_file.name + NEXT).unlink(missing_ok=True)
 
 
-def renewed(who: Identity, certificate: str) -> Identity:
+def renewed(who: HostIdentity, certificate: str) -> HostIdentity:
     """Put the next key and its certificate in the place of the present ones; return who this is.
 
     Raises:

@@ -61,7 +61,7 @@ _MOST_TOLD = 200
 MACHINE_ID = Path("/etc/machine-id")
 
 
-class Begun(msgspec.Struct, frozen=True, kw_only=True):
+class BegunJoin(msgspec.Struct, frozen=True, kw_only=True):
     """What is on disk until the machine is a host: `join.json`, mode 0600."""
 
     server: str
@@ -70,7 +70,7 @@ class Begun(msgspec.Struct, frozen=True, kw_only=True):
     mode: str
 
 
-class Place:
+class HostFolder:
     """The folder in which everything of one host lies."""
 
     def __init__(self, folder: Path) -> None:
@@ -104,7 +104,7 @@ class Place:
         return self.folder / "host.key.asking"
 
 
-def join(place: Place, begun: Begun, say: Callable[[str], None]) -> Admitted:
+def join(place: HostFolder, begun: BegunJoin, say: Callable[[str], None]) -> Admitted:
     """Ask, show the code, and wait for the admin's answer; a broken line is tried again.
 
     Raises:
@@ -114,11 +114,11 @@ def join(place: Place, begun: Begun, say: Callable[[str], None]) -> Admitted:
     return asyncio.run(_join(place, begun, say))
 
 
-async def _join(place: Place, begun: Begun, say: Callable[[str], None]) -> Admitted:
+async def _join(place: HostFolder, begun: BegunJoin, say: Callable[[str], None]) -> Admitted:
     token = parse_token(begun.token)
     key = load_key(place.asking_file)
     authority = await fetch_authority(begun.server, token, say)
-    screen = Screen(code_of(token.ca_hash, key.public_raw), say)
+    screen = JoinScreen(code_of(token.ca_hash, key.public_raw), say)
     while True:
         try:
             async with _connected(begun.server, verifying_context(authority)) as line:
@@ -212,7 +212,7 @@ async def _receive(line: ClientConnection, within_s: float | None = PATIENCE_S) 
     return frame
 
 
-class Screen:
+class JoinScreen:
     """Shows the code once, however often the line breaks."""
 
     def __init__(self, code: str, say: Callable[[str], None]) -> None:
@@ -230,7 +230,7 @@ class Screen:
         self._is_shown = True
 
 
-async def _ask(line: ClientConnection, key: HostKey, token: Token, begun: Begun) -> None:
+async def _ask(line: ClientConnection, key: HostKey, token: Token, begun: BegunJoin) -> None:
     _heed(await _receive(line))
     ask = Ask(
         token_id=token.token_id,
@@ -243,7 +243,7 @@ async def _ask(line: ClientConnection, key: HostKey, token: Token, begun: Begun)
     await line.send(msgspec.json.encode(ask).decode())
 
 
-async def _wait(line: ClientConnection, screen: Screen) -> Admitted:
+async def _wait(line: ClientConnection, screen: JoinScreen) -> Admitted:
     while True:
         try:
             frame = await _receive(line, None)
@@ -260,7 +260,7 @@ async def _wait(line: ClientConnection, screen: Screen) -> Admitted:
                 raise EOFError("the server began again")
 
 
-def _settle(place: Place, begun: Begun, authority: str, answer: Admitted) -> None:
+def _settle(place: HostFolder, begun: BegunJoin, authority: str, answer: Admitted) -> None:
     """Become the host: in this order, so that a crash in between only repeats it."""
     config = {
         "host_id": str(answer.host_id),
@@ -307,7 +307,7 @@ def facts() -> dict[str, str]:
     }
 
 
-def begin(arguments: Any, place: Place) -> Begun:  # noqa: ANN401 - argparse
+def begin(arguments: Any, place: HostFolder) -> BegunJoin:  # noqa: ANN401 - argparse
     """Return what was asked for, or what an earlier call had begun here.
 
     Raises:
@@ -319,7 +319,7 @@ def begin(arguments: Any, place: Place) -> Begun:  # noqa: ANN401 - argparse
         raise DefinitionError("--server is missing: the address and port of the lab's door")
     text = sys.stdin.readline().strip() if arguments.token == "-" else arguments.token  # noqa: S105
     parse_token(text)
-    begun = Begun(
+    begun = BegunJoin(
         server=arguments.server.removeprefix("wss://").rstrip("/"),
         token=text,
         name=arguments.name or socket.gethostname(),
@@ -333,7 +333,7 @@ def begin(arguments: Any, place: Place) -> Begun:  # noqa: ANN401 - argparse
     return begun
 
 
-def _begun_before(place: Place) -> Begun:
+def _begun_before(place: HostFolder) -> BegunJoin:
     begun = _read_begun(place)
     if begun is not None and place.asking_file.exists():
         return begun
@@ -345,9 +345,9 @@ def _begun_before(place: Place) -> Begun:
     raise DefinitionError(text)
 
 
-def _read_begun(place: Place) -> Begun | None:
+def _read_begun(place: HostFolder) -> BegunJoin | None:
     try:
-        return msgspec.json.decode(place.begun_file.read_bytes(), type=Begun)
+        return msgspec.json.decode(place.begun_file.read_bytes(), type=BegunJoin)
     except (FileNotFoundError, msgspec.MsgspecError):
         return None
 
@@ -371,7 +371,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     arguments = parser.parse_args(argv)
     try:
-        place = Place(arguments.data)
+        place = HostFolder(arguments.data)
         lock = lock_folder(place.folder)
         try:
             answer = join(place, begin(arguments, place), _say)

@@ -41,7 +41,7 @@ MOST_FORMS = 4
 COMPLAINT_S = 60.0
 
 
-class Allowance:
+class RateLimit:
     """So many a second, with a burst of twice that; what is beyond is dropped."""
 
     def __init__(self, per_s: float, now_s: float) -> None:
@@ -59,14 +59,14 @@ class Allowance:
         return True
 
 
-class Sieve:
+class AnnouncementFilter:
     """Lets through what is known, and of the rest as much as a person could look at."""
 
     def __init__(self, mono_s: Callable[[], float] = time.monotonic) -> None:
         self._mono_s = mono_s
         self._secret = secrets.token_bytes(16)
-        self._shares = [Allowance(SHARE_PACKETS_PER_S, mono_s()) for _ in range(SHARES_COUNT)]
-        self._news = Allowance(NEWS_PER_S, mono_s())
+        self._shares = [RateLimit(SHARE_PACKETS_PER_S, mono_s()) for _ in range(SHARES_COUNT)]
+        self._news = RateLimit(NEWS_PER_S, mono_s())
         self._served: frozenset[str] = frozenset()
         self._forms: dict[bytes, Beacon] = {}
         self._told_s: dict[tuple[str, str], float] = {}

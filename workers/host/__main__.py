@@ -11,7 +11,7 @@ from labweb.domain.errors import LabError
 from workers.base import logs
 from workers.base.config import load_config
 from workers.base.signatures import create_key
-from workers.host.supervisor import Supervisor
+from workers.host.supervisor import HostSupervisor
 from workers.journal.journal_reset import reset_journal
 
 
@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.command == "reset-journal":
             return _say(f"the old journal lies in {reset_journal(config)}")
         logs.set_up(config.log_level)
-        Supervisor(config, arguments.config.resolve()).run()
+        HostSupervisor(config, arguments.config.resolve()).run()
     except LabError as error:
         sys.stderr.write(f"{error.code}: {error.message}\n")
         return 1

@@ -23,7 +23,7 @@ STEADY_S = 10.0
 """A process that ran this long had a good start: the next pause is short again."""
 
 
-class Process(Protocol):
+class StartedProcess(Protocol):
     """What was started, as far as anybody here asks."""
 
     @property
@@ -42,11 +42,11 @@ class Process(Protocol):
 
 
 @dataclass
-class Child:
+class ChildProcess:
     """One process that shall run as long as the host does."""
 
     name: str
-    start: Callable[[], Process | None]
+    start: Callable[[], StartedProcess | None]
     """Starts it; None: it cannot be started yet. An OSError says that it failed."""
 
     fingerprint: str = ""
@@ -58,7 +58,7 @@ class Child:
     is_leaving: bool = False
     """It was told to let another process take over."""
 
-    process: Process | None = None
+    process: StartedProcess | None = None
     _started_s: float = 0.0
     _next_start_s: float = 0.0
     _pause_s: float = field(default=FIRST_PAUSE_S)
@@ -87,7 +87,7 @@ class Child:
             self.process, self._started_s = started, now_s
             log.info("%s runs as process %d", self.name, started.pid)
 
-    def _note_end(self, process: Process, now_s: float) -> None:
+    def _note_end(self, process: StartedProcess, now_s: float) -> None:
         if self.is_leaving:
             self.is_leaving, self.process, self._next_start_s = False, None, now_s
             log.info("%s has left", self.name)
@@ -118,7 +118,7 @@ class Child:
             self.process.send_signal(number)
 
 
-def start_program(argv: Sequence[str], environment: Mapping[str, str]) -> Process:
+def start_program(argv: Sequence[str], environment: Mapping[str, str]) -> StartedProcess:
     """Start another program, which ends at once when this process dies.
 
     Raises:

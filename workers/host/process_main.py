@@ -29,7 +29,7 @@ from workers.journal.command_acceptance import accept
 from workers.journal.journal import Journal
 from workers.line.action_watchdog import AbandonedActionError, HungDriverError
 from workers.line.line_confinement import confine_line
-from workers.line.line_process import Line
+from workers.line.line_process import LineProcess
 from workers.line.line_wakeup import attend, waker
 from workers.sandbox import connection_proxy
 from workers.tryouts.tryout_service import run_tryouts
@@ -90,7 +90,7 @@ def run_accept(config: HostConfig) -> None:
 def run_line(config: HostConfig, name: str) -> None:
     """Serve the devices of one line until told to end."""
     _confine(config, name)
-    line = Line(config, name, waker(make_host_app(config), config.bell_of))
+    line = LineProcess(config, name, waker(make_host_app(config), config.bell_of))
     app = make_host_app(config, (name,))
 
     def end() -> None:
@@ -121,15 +121,15 @@ def run_line(config: HostConfig, name: str) -> None:
 
     worker_shutting_down.connect(close, weak=False)
 
-    def leave_unguarded(*_: object) -> None:
+    def leave_without_proxy(*_: object) -> None:
         if not connection_proxy.has_ended():
             return
-        logging.getLogger(__name__).warning("the guard of line %s has ended: it starts anew", name)
+        logging.getLogger(__name__).warning("the proxy of line %s has ended: it starts anew", name)
         leave()
 
     signal(SIGUSR2, leave)
-    signal(SIGCHLD, leave_unguarded)
-    leave_unguarded()
+    signal(SIGCHLD, leave_without_proxy)
+    leave_without_proxy()
     line.start()
     try:
         _work(app, line_queue(name), f"{line_queue(name)}@{config.host_id}")

@@ -18,16 +18,16 @@ from workers.base.config import HostConfig, line_queue
 from workers.base.device_lines import fingerprint, lines_of
 from workers.base.fork_server import ForkServer, bury
 from workers.base.host_lock import lock_host
-from workers.base.valkey_store import Store
-from workers.base.wake_pipe import PlainBell, ring
+from workers.base.valkey_store import ValkeyStore
+from workers.base.wake_pipe import WakePipe, ring
 from workers.enrollment.host_identity import load_identity
-from workers.host.child_processes import Child
+from workers.host.child_processes import ChildProcess
 from workers.host.preloaded_modules import IMPORTS
 from workers.host.valkey_process import valkey_child
 from workers.journal.journal import Journal, check_journal, create_journal
 from workers.sandbox.address_bounds import marks_of
 from workers.sandbox.confinement import describe, is_possible
-from workers.tryouts.driver_trial import Trials
+from workers.tryouts.driver_trial import DriverTrials
 from workers.uplink.session import disarm_if_regressed, record_boot
 
 log = logging.getLogger(__name__)
@@ -43,7 +43,7 @@ HALT_S = 5.0
 """How long after the grace a line may take to bring its devices to rest."""
 
 
-class Supervisor:
+class HostSupervisor:
     """Starts and watches the host's processes."""
 
     def __init__(self, config: HostConfig, path: Path) -> None:
@@ -69,16 +69,16 @@ class Supervisor:
         reason = disarm_if_regressed(self._journal)
         if reason is not None:
             log.error("the journal is not the newest one (%s): nothing starts here", reason)
-        self._store = Store(config.valkey_url)
+        self._store = ValkeyStore(config.valkey_url)
         self._host_app = make_host_app(config)
         self._services = self._make_services()
-        self._lines: dict[str, Child] = {}
+        self._lines: dict[str, ChildProcess] = {}
         self._stopping = threading.Event()
         environment = _environment(config)
         self._forks = ForkServer(environment, IMPORTS, self._stopping.is_set)
-        self._trials = Trials(config, path, self._forks)
+        self._trials = DriverTrials(config, path, self._forks)
         self._valkey = valkey_child(config, environment)
-        self._bell = PlainBell(config.supervisor_bell)
+        self._bell = WakePipe(config.supervisor_bell)
         self._signals_count = 0
 
     def run(self) -> None:
@@ -122,7 +122,7 @@ class Supervisor:
         except (LabError, RedisError, OSError) as error:
             log.error("%s", error)
 
-    def _keep(self, *children: Child) -> None:
+    def _keep(self, *children: ChildProcess) -> None:
         self._forks.keep()
         known = [child for child in (self._valkey, *children) if child is not None]
         for child in known:
@@ -170,7 +170,7 @@ class Supervisor:
     def _prune(self) -> None:
         self._journal.prune(self._config.retention_s)
 
-    def _make_services(self) -> list[Child]:
+    def _make_services(self) -> list[ChildProcess]:
         """Return what runs beside the lines, the uplink last: it tells of what the others did."""
         uplink = self._child("uplink", "uplink")
         wanted = {
@@ -181,10 +181,12 @@ class Supervisor:
         }
         return [*(self._child(name, name) for name in wanted if wanted[name]), uplink]
 
-    def _child(self, name: str, kind: str, *rest: str) -> Child:
+    def _child(self, name: str, kind: str, *rest: str) -> ChildProcess:
         orphan_signal = SIGTERM if kind == "line" else SIGKILL
         argv = [kind, str(self._path), *rest]
-        return Child(name, lambda: self._forks.fork(orphan_signal, "host.process_main", argv))
+        return ChildProcess(
+            name, lambda: self._forks.fork(orphan_signal, "host.process_main", argv)
+        )
 
     # --- start and end ---
 
@@ -222,7 +224,7 @@ class Supervisor:
         self._bell.close()
         os.close(self._lock)
 
-    def _end_all(self, children: list[Child], patience_s: float) -> None:
+    def _end_all(self, children: list[ChildProcess], patience_s: float) -> None:
         began_s = time.monotonic()
         for child in children:
             child.tell()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from labweb.domain.errors import DefinitionError
 from workers.base.config import HostConfig
-from workers.host.child_processes import Child, start_program
+from workers.host.child_processes import ChildProcess, start_program
 
 
 def find_valkey() -> Path:
@@ -43,9 +43,9 @@ def valkey_arguments(config: HostConfig) -> list[str]:
     return [str(find_valkey()), *(word for option in options.items() for word in option)]
 
 
-def valkey_child(config: HostConfig, environment: Mapping[str, str]) -> Child | None:
+def valkey_child(config: HostConfig, environment: Mapping[str, str]) -> ChildProcess | None:
     """Return the host's own Valkey; None: it uses one that somebody else runs."""
     if config.valkey.socket is None:
         return None
     arguments = valkey_arguments(config)
-    return Child("valkey", lambda: start_program(arguments, environment))
+    return ChildProcess("valkey", lambda: start_program(arguments, environment))

@@ -23,7 +23,7 @@ PROGRESS = frozenset({"accepted", "started", "actuated"})
 _KEPT = {"prestate", "report"}
 
 
-class Transaction:
+class AtomicWrite:
     """What may be done inside `Journal.write`."""
 
     def __init__(

@@ -34,7 +34,7 @@ from labweb.domain.runs.standing import state_of
 from workers.base import faults
 from workers.base.wake_pipe import ring
 from workers.journal import journal_schema as schema
-from workers.journal.atomic_write import Transaction
+from workers.journal.atomic_write import AtomicWrite
 from workers.journal.journal_file import begin_write, lengthen_log, open_file, readable
 from workers.journal.journal_witness import create_seal, raise_seal, read_seal
 
@@ -231,7 +231,7 @@ class Journal:
     # --- what is written ---
 
     @contextmanager
-    def write(self, *, is_sealed: bool = True, is_durable: bool = True) -> Iterator[Transaction]:
+    def write(self, *, is_sealed: bool = True, is_durable: bool = True) -> Iterator[AtomicWrite]:
         """Make one atomic, durable write; then move the seal, and say that something is to tell.
 
         Args:
@@ -256,11 +256,11 @@ class Journal:
         if transaction.is_urgent:
             ring(self.bell_path)
 
-    def _commit(self) -> Generator[Transaction, None, Transaction]:
+    def _commit(self) -> Generator[AtomicWrite, None, AtomicWrite]:
         with readable:
             begin_write(self._connection)
         try:
-            transaction = Transaction(
+            transaction = AtomicWrite(
                 self._connection,
                 journal_id=self.journal_id,
                 head=self.head(),

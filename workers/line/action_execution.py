@@ -21,7 +21,7 @@ from labweb.domain.runs.bodies import plain
 from labweb.domain.runs.edge import Report
 from labweb.domain.runs.journal import ActionRow
 from workers.base import faults
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +33,7 @@ NL_PER_UL = 1000
 
 
 @dataclass(frozen=True, slots=True)
-class Acted:
+class ActionResult:
     """What came of an action."""
 
     report: Report
@@ -46,10 +46,10 @@ def outer_limit_s(do: Do, pace: float = 1.0) -> float:
     return watchdog_s(do.timeout_s, pace)
 
 
-class Act:
+class ActionExecution:
     """One call of a driver, on its line's thread, which another one watches."""
 
-    def __init__(self, unit: Unit, row: ActionRow, clock: Clock) -> None:
+    def __init__(self, unit: DeviceUnit, row: ActionRow, clock: Clock) -> None:
         self.row = row
         self.unit = unit
         self._clock = clock
@@ -60,7 +60,7 @@ class Act:
         self._is_late = False
         self._is_given_up = False
 
-    def carry_out(self) -> Acted | None:
+    def carry_out(self) -> ActionResult | None:
         """Carry out the action and return what came of it.
 
         Returns:
@@ -78,8 +78,8 @@ class Act:
             return None
         self.unit.is_acting = False
         if self._is_late:
-            return Acted(_watchdog_report(late=plain(report.evidence), is_hung=False))
-        return Acted(report, files=files)
+            return ActionResult(_watchdog_report(late=plain(report.evidence), is_hung=False))
+        return ActionResult(report, files=files)
 
     def look(self, is_cancel_wanted: Callable[[], bool]) -> Report | None:
         """Halt the device when its time is over, or once when a person wants it to end.
@@ -146,12 +146,12 @@ def _watchdog_report(*, late: dict[str, Any], is_hung: bool) -> Report:
     )
 
 
-def is_plain_read(do: Do, unit: Unit) -> bool:
+def is_plain_read(do: Do, unit: DeviceUnit) -> bool:
     """Say whether the action is to read statuses and nothing else."""
     return do.operation.get("op") == "read" and do.action == "read" and not unit.has_action("read")
 
 
-def to_report(do: Do, unit: Unit, report: DriverReport) -> Report:
+def to_report(do: Do, unit: DeviceUnit, report: DriverReport) -> Report:
     """Turn a driver's report into the journal's.
 
     Raises:
@@ -244,7 +244,7 @@ def _to_nl(moved_ul: object) -> int | None:
 class _observed:  # noqa: N801 - used as a context manager
     """Pass the fault points of the wire while a test asks for them."""
 
-    def __init__(self, unit: Unit) -> None:
+    def __init__(self, unit: DeviceUnit) -> None:
         self._transport = unit.driver.transport
         self._is_wanted = faults.are_armed()
         self._before = self._transport.observer

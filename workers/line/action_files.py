@@ -23,8 +23,8 @@ import msgspec
 from drivers.base import DataFile
 from labweb.domain.crutd.conditions import Condition, Result, Verdict
 from labweb.domain.errors import LabError, StateError
-from workers.base.valkey_store import Store
-from workers.line.device_unit import Unit
+from workers.base.valkey_store import ValkeyStore
+from workers.line.device_unit import DeviceUnit
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ Judged = Sequence[tuple[Condition, Result]]
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class WaitingFile:
     """One file on disk, and what it belongs to."""
 
     path: Path
@@ -58,7 +58,7 @@ class Kept:
             return 0
 
 
-class Files:
+class ActionFiles:
     """The folder of one line, which writes to it; the uplink reads and deletes."""
 
     def __init__(self, folder: Path) -> None:
@@ -96,7 +96,7 @@ class Files:
             raise StateError(f"the disk refuses a file: {error}", code="file.no_room") from error
         return path
 
-    def waiting(self) -> list[Kept]:
+    def waiting(self) -> list[WaitingFile]:
         """Return the files that the server does not have."""
         return sorted(_kept_in(self._folder), key=lambda one: one.path.name)
 
@@ -139,7 +139,7 @@ class WaitingFiles:
         if before.is_dir() and not (folder / before.name).exists():
             before.rename(folder / before.name)
 
-    def waiting(self) -> list[Kept]:
+    def waiting(self) -> list[WaitingFile]:
         """Return the files that the server does not have."""
         found = [one for line in self._folder.iterdir() if line.is_dir() for one in _kept_in(line)]
         return sorted(found, key=lambda one: one.path.name)
@@ -148,16 +148,16 @@ class WaitingFiles:
         """Tell whether the bytes of a file are here."""
         return any(self._folder.glob(f"*/{action_id}.{device_id}.{sha256}"))
 
-    def drop(self, kept: Kept) -> None:
+    def drop(self, kept: WaitingFile) -> None:
         """Delete a file that the server has, or does not want."""
         kept.path.unlink(missing_ok=True)
 
 
-def _kept_in(folder: Path) -> Iterator[Kept]:
+def _kept_in(folder: Path) -> Iterator[WaitingFile]:
     for path in folder.glob("[!.]*"):
         try:
             action_id, device_id, sha256 = path.name.split(".")
-            kept = Kept(path, UUID(action_id), UUID(device_id), sha256)
+            kept = WaitingFile(path, UUID(action_id), UUID(device_id), sha256)
         except ValueError:
             _note_stray(path)
         else:
@@ -179,7 +179,7 @@ def _sync(folder: Path) -> None:
         os.close(handle)
 
 
-def share_picture(store: Store, unit: Unit, value: object) -> None:
+def share_picture(store: ValkeyStore, unit: DeviceUnit, value: object) -> None:
     """Put the picture behind a reading where other lines find it."""
     sha256 = value.get("image_sha256") if isinstance(value, Mapping) else None
     if not isinstance(sha256, str):
@@ -192,10 +192,12 @@ def share_picture(store: Store, unit: Unit, value: object) -> None:
         store.put_picture(sha256, data)
 
 
-class Witness:
+class PictureKeeper:
     """Sees to it that no verdict rests on a picture, and no answer on a file, that is not there."""
 
-    def __init__(self, files: Files, units: Mapping[UUID, Unit], store: Store | None) -> None:
+    def __init__(
+        self, files: ActionFiles, units: Mapping[UUID, DeviceUnit], store: ValkeyStore | None
+    ) -> None:
         self._files = files
         self._units = units
         self._store = store
@@ -208,7 +210,7 @@ class Witness:
         """Keep what an action hands over, all of it or nothing.
 
         Raises:
-            StateError: As `Files.keep`.
+            StateError: As `ActionFiles.keep`.
         """
         kept: list[Path] = []
         try:

@@ -12,9 +12,9 @@ from labweb.domain.ports import Clock
 from labweb.domain.runs.edge import Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers.journal.journal import Journal
-from workers.line.action_execution import Act, Acted
-from workers.line.device_unit import Unit
-from workers.line.outcome_record import Outcomes
+from workers.line.action_execution import ActionExecution, ActionResult
+from workers.line.device_unit import DeviceUnit
+from workers.line.outcome_record import OutcomeRecord
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ class AbandonedActionError(RuntimeError):
     """
 
 
-class Watch:
+class ActionWatchdog:
     """Looks whether an action has to be halted, and ends one whose driver hangs."""
 
     def __init__(
@@ -48,7 +48,7 @@ class Watch:
         self._clock = clock
         self._wake_others = wake_others
         self._journal: Journal | None = None
-        self._acts: tuple[Act, ...] = ()
+        self._acts: tuple[ActionExecution, ...] = ()
         self._has_failed = False
         """One of several that act at the same moment has failed: the others are halted."""
 
@@ -58,7 +58,7 @@ class Watch:
             self._journal.close()
             self._journal = None
 
-    def carry_out(self, unit: Unit, row: ActionRow) -> Acted:
+    def carry_out(self, unit: DeviceUnit, row: ActionRow) -> ActionResult:
         """Carry an action out on this thread; `look` may be called on another one meanwhile.
 
         Raises:
@@ -69,7 +69,7 @@ class Watch:
         """
         return self.carry_out_all([(unit, row)])[0]
 
-    def carry_out_all(self, pairs: Sequence[tuple[Unit, ActionRow]]) -> list[Acted]:
+    def carry_out_all(self, pairs: Sequence[tuple[DeviceUnit, ActionRow]]) -> list[ActionResult]:
         """Carry out actions that begin at the same moment, the first of them on this thread.
 
         When one fails the others are halted.
@@ -80,8 +80,8 @@ class Watch:
         Effect:
             Each device acts, once.
         """
-        acts = tuple(Act(unit, row, self._clock) for unit, row in pairs)
-        found: list[Acted | None] = [None] * len(acts)
+        acts = tuple(ActionExecution(unit, row, self._clock) for unit, row in pairs)
+        found: list[ActionResult | None] = [None] * len(acts)
         self._acts, self._has_failed = acts, False
 
         def carry_out(place: int) -> None:
@@ -89,7 +89,7 @@ class Watch:
             self._has_failed = self._has_failed or acted is None or not acted.report.ok
 
         others = [
-            threading.Thread(target=carry_out, args=(place,), name="line-beside", daemon=True)
+            threading.Thread(target=carry_out, args=(place,), name="line-action", daemon=True)
             for place in range(1, len(acts))
         ]
         for other in others:
@@ -113,7 +113,7 @@ class Watch:
         for act in self._acts:
             self._look(act)
 
-    def _look(self, act: Act) -> None:
+    def _look(self, act: ActionExecution) -> None:
         try:
             report = act.look(lambda: self._is_cancelled(act.row.action_id))
             if report is not None:
@@ -123,10 +123,10 @@ class Watch:
         if report is not None:
             raise HungDriverError(act.unit.config.key)
 
-    def _end(self, act: Act, report: Report) -> None:
+    def _end(self, act: ActionExecution, report: Report) -> None:
         """Write the end of an action in place of its line's thread, which does not come back."""
         journal = self._hold()
-        outcomes = Outcomes(journal, self._clock)
+        outcomes = OutcomeRecord(journal, self._clock)
         if act.unit.driver.is_stopped:
             # And stays so: the driver may still be in its call. Whether its device heard the word,
             # nobody has seen: the process that follows halts it again, and looks.

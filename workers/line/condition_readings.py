@@ -21,8 +21,8 @@ from labweb.domain.crutd.conditions import (
 from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.journal import ActionRow
-from workers.base.valkey_store import Sample, Store
-from workers.line.device_unit import Unit
+from workers.base.valkey_store import StatusSample, ValkeyStore
+from workers.line.device_unit import DeviceUnit
 
 OLDEST_READING_S = 3.0
 """A value of another line's device that is older tells nothing."""
@@ -38,10 +38,12 @@ SPARE_S = 1.0
 Key = tuple[UUID, str]
 
 
-class Reader:
+class ConditionReader:
     """Asks the devices of this line, and takes other lines' latest values from the store."""
 
-    def __init__(self, units: Mapping[UUID, Unit], store: Store | None, clock: Clock) -> None:
+    def __init__(
+        self, units: Mapping[UUID, DeviceUnit], store: ValkeyStore | None, clock: Clock
+    ) -> None:
         self._units = units
         self._store = store
         self._clock = clock
@@ -147,7 +149,7 @@ class Reader:
         at_s, mono_s = self._clock.now_s(), self._clock.monotonic_s()
         self._store.share(
             [
-                Sample(str(device), status, at_s, mono_s, now[device, status])
+                StatusSample(str(device), status, at_s, mono_s, now[device, status])
                 for device, status in own
             ]
         )

@@ -16,7 +16,7 @@ from labweb.domain.runs.halting import MAY_MOVE, note_waiting, write_late_halt
 from labweb.domain.runs.journal import JournalError
 from labweb.domain.runs.motion import is_moving, tells_motion
 from workers.journal.journal import Journal
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 
 log = logging.getLogger(__name__)
 
@@ -29,7 +29,7 @@ STAND_S = 5.0
 PAUSE_S = 0.25
 
 
-def halt_and_look(unit: Unit | None, clock: Clock) -> Found:
+def halt_and_look(unit: DeviceUnit | None, clock: Clock) -> Found:
     """Halt a device, and read its statuses until two readings in a row tell the same of motion.
 
     Effect:
@@ -55,7 +55,7 @@ def halt_and_look(unit: Unit | None, clock: Clock) -> Found:
     return _watched(unit, clock)
 
 
-def _watched(unit: Unit, clock: Clock) -> Found:
+def _watched(unit: DeviceUnit, clock: Clock) -> Found:
     deadline_s = clock.monotonic_s() + STAND_S
     before = _readings(unit)
     while True:
@@ -86,7 +86,7 @@ def _watched(unit: Unit, clock: Clock) -> Found:
     return Found(is_halted=True, text="its device was halted, and stands", readings=now)
 
 
-def _readings(unit: Unit) -> dict[str, Any]:
+def _readings(unit: DeviceUnit) -> dict[str, Any]:
     """Return every status that the device tells now; one that it cannot tell is left out."""
     found: dict[str, Any] = {}
     for name in unit.config.statuses:
@@ -114,7 +114,7 @@ class LateHalts:
 
     def __init__(
         self,
-        units: Mapping[UUID, Unit],
+        units: Mapping[UUID, DeviceUnit],
         clock: Clock,
         open_journal: Callable[[], Journal],
         wake: Callable[[], None],
@@ -149,7 +149,7 @@ class LateHalts:
             self._threads[device_id] = thread
             thread.start()
 
-    def _tell_waiting(self, unit: Unit, text: str) -> None:
+    def _tell_waiting(self, unit: DeviceUnit, text: str) -> None:
         if unit.config.id in self._told:
             return
         journal = self._open_journal()
@@ -160,7 +160,7 @@ class LateHalts:
             journal.close()
         self._told.add(unit.config.id)
 
-    def _halt(self, unit: Unit) -> None:
+    def _halt(self, unit: DeviceUnit) -> None:
         found = halt_and_look(unit, self._clock)
         try:
             if found.is_owed:

@@ -33,7 +33,7 @@ def _border(key: str) -> Iterator[None]:
         raise DeviceError(text, code="driver.bug") from error
 
 
-class Unit:
+class DeviceUnit:
     """A device of this line."""
 
     def __init__(

@@ -39,7 +39,7 @@ def tell_once(journal: Journal, device: DeviceConfig, kind: str, **rest: str) ->
         tx.append(kind, None, {"device_id": str(device.id), "digest": device.digest, **rest})
 
 
-class Serving:
+class ServingReport:
     """Which versions serve, for the server to be told when that is another than it was told."""
 
     def __init__(self, journal: Journal) -> None:

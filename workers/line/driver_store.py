@@ -131,7 +131,7 @@ def is_installed(module: str, digest: str) -> bool:
         return False
 
 
-class Drivers:
+class DriverLoader:
     """Loads the drivers of a host's devices."""
 
     def __init__(self, store: DriverStore, keys: Mapping[str, str]) -> None:

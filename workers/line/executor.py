@@ -23,16 +23,17 @@ from labweb.domain.runs.edge import ActionState, Answer, Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from labweb.domain.runs.meeting import Stand
 from workers.base import faults
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.journal.journal import Journal
 from workers.line import action_execution, condition_readings, paired_start, start_checks
-from workers.line.action_execution import Acted
-from workers.line.action_files import Files, Witness
-from workers.line.action_watchdog import AbandonedActionError, HungDriverError, Watch
+from workers.line.action_execution import ActionResult
+from workers.line.action_files import ActionFiles, PictureKeeper
+from workers.line.action_watchdog import AbandonedActionError, ActionWatchdog, HungDriverError
+from workers.line.condition_readings import ConditionReader, conditions_of, readings_before
 from workers.line.device_halt import halt_and_look
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 from workers.line.line_thread import LineThread
-from workers.line.outcome_record import Following, Outcomes
+from workers.line.outcome_record import FollowingAction, OutcomeRecord
 
 log = logging.getLogger(__name__)
 
@@ -47,11 +48,11 @@ class Executor:
         self,
         journal: Journal,
         line: str,
-        units: Mapping[UUID, Unit],
+        units: Mapping[UUID, DeviceUnit],
         *,
-        store: Store | None,
+        store: ValkeyStore | None,
         clock: Clock,
-        files: Files,
+        files: ActionFiles,
         is_closing: Callable[[], bool] = lambda: False,
         wake: Callable[[str], None] = lambda _line: None,
     ) -> None:
@@ -61,11 +62,11 @@ class Executor:
         self._clock = clock
         self._is_closing = is_closing
         self._wake = wake
-        self._reader = condition_readings.Reader(units, store, clock)
-        self._witness = Witness(files, units, store)
-        self._outcomes = Outcomes(journal, clock)
+        self._reader = ConditionReader(units, store, clock)
+        self._witness = PictureKeeper(files, units, store)
+        self._outcomes = OutcomeRecord(journal, clock)
         self._thread = LineThread()
-        self._watch = Watch(journal, clock, self._wake_others)
+        self._watch = ActionWatchdog(journal, clock, self._wake_others)
         self._ahead: ActionRow | None = None
         """The action after the next one, which is read and checked meanwhile."""
 
@@ -179,14 +180,14 @@ class Executor:
         problem = start_checks.problem(self._journal, self._thread, row, unit)
         if problem is not None:
             return self._reject(row, problem)
-        conditions = condition_readings.conditions_of(do.pre)
+        conditions = conditions_of(do.pre)
         if unit is None or not unit.is_online or unit.driver.is_stopped:
             # Nothing is read: only age, fence, floor and record decide.
             with self._journal.write() as tx:
                 answer = acting.decide_now(tx, row, do, self._journal.moment(), [])
                 acting.write_rejection(tx, row, answer, ())
             return answer.kind == edge.REJECT
-        post = condition_readings.conditions_of(do.post)
+        post = conditions_of(do.post)
         if not self._reader.await_baselines(post, is_over=self._is_closing):
             return False
         # Each status is asked for once: a slow wire takes longer than all of the rest.
@@ -250,15 +251,13 @@ class Executor:
     # --- the action itself ---
 
     def _carry_out(
-        self, started: Started, unit: Unit, before: Mapping[tuple[UUID, str], Any]
+        self, started: Started, unit: DeviceUnit, before: Mapping[tuple[UUID, str], Any]
     ) -> None:
         faults.point("execute.after_started")
         own = [(started.row, unit, before)]
         other = paired_start.other_here(self._journal, started.row)
         if other is not None:
-            own.append(
-                (other, self._units[other.device_id], condition_readings.readings_before(other))
-            )
+            own.append((other, self._units[other.device_id], readings_before(other)))
         acted = self._watch.carry_out_all([(unit, row) for row, unit, _ in own])
         answered = [
             (row, one.report, was)
@@ -269,7 +268,7 @@ class Executor:
         for row, report, was in sorted(answered, key=lambda one: -one[0].dseq):
             self._confirm(row, row.do, report, was)
 
-    def _answer(self, row: ActionRow, unit: Unit, acted: Acted) -> bool:
+    def _answer(self, row: ActionRow, unit: DeviceUnit, acted: ActionResult) -> bool:
         """Write down what a device has answered; True: it is still to be confirmed."""
         do = row.do
         if unit.driver.is_stopped:
@@ -299,7 +298,7 @@ class Executor:
         faults.point("execute.after_actuated")
         return True
 
-    def _context(self, unit: Unit) -> dict[str, Any]:
+    def _context(self, unit: DeviceUnit) -> dict[str, Any]:
         """Return versions of what acts, and the latest readings of the host with their age."""
         devices = [device.id for device in self._journal.devices() if device.statuses]
         readings = self._reader.latest(devices)
@@ -322,9 +321,7 @@ class Executor:
             self._finish(row, meeting.failed(report), [])
         if stands is not Stand.GO_ON:
             return
-        post = self._reader.await_all(
-            condition_readings.conditions_of(do.post), before, is_over=over, is_cut=cut
-        )
+        post = self._reader.await_all(conditions_of(do.post), before, is_over=over, is_cut=cut)
         if post is None:
             return
         self._finish(row, report, self._witness.back(row.action_id, post))
@@ -335,10 +332,12 @@ class Executor:
         if unit is None or not unit.is_online or paired_start.waits_for_own(self._journal, row):
             return False
         report = report_from(msgspec.json.decode(row.report or "{}"))
-        self._confirm(row, row.do, report, condition_readings.readings_before(row))
+        self._confirm(row, row.do, report, readings_before(row))
         return True
 
-    def _following(self, row: ActionRow, unit: Unit, context: dict[str, Any]) -> Following | None:
+    def _following(
+        self, row: ActionRow, unit: DeviceUnit, context: dict[str, Any]
+    ) -> FollowingAction | None:
         """Return the action that may begin in the write that ends this one.
 
         It is the next in turn, of the same device, and nothing is read before it starts. None:
@@ -371,7 +370,7 @@ class Executor:
             prestate=plain(condition_readings.prestate_body({})),
             context=context,
         )
-        return Following(following, do, scene, partial(self._prepare, waiting[1:]))
+        return FollowingAction(following, do, scene, partial(self._prepare, waiting[1:]))
 
     def _prepare(self, coming: list[ActionRow]) -> None:
         """Have the one that comes after the next read while the disk is waited for."""
@@ -387,7 +386,7 @@ class Executor:
         report: Report,
         post: list[tuple[Condition, Result]],
         answered: dict[str, Any] | None = None,
-        following: Following | None = None,
+        following: FollowingAction | None = None,
     ) -> None:
         """Write the end; with the context of the device's answer, that first, in one write.
 

@@ -13,9 +13,9 @@ from labweb.domain.runs.halting import sort_of
 from labweb.domain.runs.journal import JournalError
 from labweb.domain.runs.stands import KEY, Stands, read_stands
 from labweb.domain.runs.vanishing import write_vanished
-from workers.base.valkey_store import Sample
+from workers.base.valkey_store import StatusSample
 from workers.journal.journal import Journal
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +30,7 @@ SHORTEST_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Watched:
+class WatchedReading:
     """One reading that shows whether something stands."""
 
     action_id: UUID
@@ -38,12 +38,12 @@ class Watched:
     kept: Kept
 
 
-class Vigil:
+class HeldStateMonitor:
     """Looks at each sample of the line's devices, on the thread that takes them."""
 
     def __init__(
         self,
-        units: Mapping[UUID, Unit],
+        units: Mapping[UUID, DeviceUnit],
         open_journal: Callable[[], Journal],
         clock: Clock,
         *,
@@ -56,15 +56,15 @@ class Vigil:
         self._pace = pace
         self._refreshed_s = float("-inf")
         self._stands: dict[UUID, dict[UUID, Stands]] = {}
-        self._seen: dict[UUID, dict[Watched, Seen]] = {}
+        self._seen: dict[UUID, dict[WatchedReading, Seen]] = {}
 
-    def period_s(self, unit: Unit, status: str, period_s: float) -> float:
+    def period_s(self, unit: DeviceUnit, status: str, period_s: float) -> float:
         """Return how often a status is asked for, real time: one that shows what stands, often."""
         if any(one.kept.status == status for one in self._seen.get(unit.config.id, {})):
             return min(period_s, max(OFTEN_S / self._pace, SHORTEST_S))
         return period_s
 
-    def note(self, unit: Unit, samples: Iterable[Sample]) -> None:
+    def note(self, unit: DeviceUnit, samples: Iterable[StatusSample]) -> None:
         """Look at samples of one device, and write down what is gone."""
         self._refresh()
         watched = self._seen.get(unit.config.id)
@@ -105,17 +105,17 @@ class Vigil:
         self._stands = {one: {each.action_id: each for each in all_} for one, all_ in mine.items()}
         self._seen = {one: self._watched(self._units[one], all_) for one, all_ in mine.items()}
 
-    def _watched(self, unit: Unit, stands: Iterable[Stands]) -> dict[Watched, Seen]:
+    def _watched(self, unit: DeviceUnit, stands: Iterable[Stands]) -> dict[WatchedReading, Seen]:
         """Return what is to be looked at of a device, with what was seen of it before."""
         before = self._seen.get(unit.config.id, {})
         keys = [
-            Watched(one.action_id, sort_of(one.action), kept)
+            WatchedReading(one.action_id, sort_of(one.action), kept)
             for one in stands
             for kept in kept_by(one.action, one.args, unit.config.statuses)
         ]
         return {key: before.get(key, completed(key.kept)) for key in keys}
 
-    def _tell(self, unit: Unit, one: Watched, found: float) -> None:
+    def _tell(self, unit: DeviceUnit, one: WatchedReading, found: float) -> None:
         """Write the loss down, with which the server is told; the device is left as it is."""
         journal, text = self._journal, one.kept.reason(found)
         stands = self._stands[unit.config.id][one.action_id]

@@ -20,16 +20,16 @@ from labweb.domain.runs import halting
 from labweb.domain.runs.journal import JournalError
 from workers.base.config import HostConfig, line_queue
 from workers.base.device_lines import lines_of
-from workers.base.system_clock import SystemClock
-from workers.base.valkey_store import Store
+from workers.base.system_clock import HostClock
+from workers.base.valkey_store import ValkeyStore
 from workers.journal.journal import Journal
-from workers.line.action_files import Files
+from workers.line.action_files import ActionFiles
 from workers.line.device_halt import LateHalts
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 from workers.line.driver_reports import tell_once
-from workers.line.driver_store import Drivers, DriverStore
+from workers.line.driver_store import DriverLoader, DriverStore
 from workers.line.executor import Executor
-from workers.line.held_state_monitor import Vigil
+from workers.line.held_state_monitor import HeldStateMonitor
 from workers.line.status_sampling import Sampler
 
 log = logging.getLogger(__name__)
@@ -39,7 +39,7 @@ BELIEVE_S = 5.0
 """How long the word to halt counts by itself, should the latch not reach the disk."""
 
 
-class Line:
+class LineProcess:
     """Everything that acts on one wire. One process holds it, by a lock on a file."""
 
     def __init__(
@@ -55,10 +55,10 @@ class Line:
         """
         self.name = line
         self._config = config
-        self._clock: Clock = SystemClock()
+        self._clock: Clock = HostClock()
         self._lock = _hold(config.folder / f"{line_queue(line)}.lock")
         self._journal = Journal(config.journal_path)
-        self._store = Store(config.valkey_url)
+        self._store = ValkeyStore(config.valkey_url)
         self.units = self._load()
         self.is_draining = False
         self.is_leaving = False
@@ -73,25 +73,27 @@ class Line:
             self.units,
             store=self._store,
             clock=self._clock,
-            files=Files(config.files_of(line)),
+            files=ActionFiles(config.files_of(line)),
             is_closing=self._closing.is_set,
             wake=wake,
         )
         for action_id in self._executor.recover():
             log.warning("action %s is in doubt: a crash left it without an answer", action_id)
-        vigil = Vigil(
+        monitor = HeldStateMonitor(
             self.units, lambda: Journal(config.journal_path), self._clock, pace=config.pace
         )
-        self._sampler = Sampler(line, self.units, self._store, self._clock, vigil)
+        self._sampler = Sampler(line, self.units, self._store, self._clock, monitor)
         late = LateHalts(
             self.units, self._clock, lambda: Journal(config.journal_path), lambda: wake(line)
         )
         self._watch = StopWatch(config, line, self.units, self._closing, late)
 
-    def _load(self) -> dict[UUID, Unit]:
+    def _load(self) -> dict[UUID, DeviceUnit]:
         """Load the drivers, and tell the server which versions serve and which cannot."""
         devices = lines_of(self._journal.devices()).get(self.name, [])
-        drivers = Drivers(DriverStore(self._config.drivers_folder), self._journal.command_keys())
+        drivers = DriverLoader(
+            DriverStore(self._config.drivers_folder), self._journal.command_keys()
+        )
         units = make_units(
             devices, self._clock, drivers, self._tell_refused, pace=self._config.pace
         )
@@ -174,7 +176,7 @@ class StopWatch:
         self,
         config: HostConfig,
         line: str,
-        units: dict[UUID, Unit],
+        units: dict[UUID, DeviceUnit],
         closing: threading.Event,
         late: LateHalts,
     ) -> None:
@@ -198,7 +200,7 @@ class StopWatch:
         self._thread.join(timeout=2.0)
 
     def _run(self) -> None:
-        store = Store(self._config.valkey_url)
+        store = ValkeyStore(self._config.valkey_url)
         journal: Journal | None = None
         try:
             while not self._ending.is_set():
@@ -259,7 +261,7 @@ class StopWatch:
             unit.clear_stop()
 
 
-def _halt_all(units: dict[UUID, Unit]) -> None:
+def _halt_all(units: dict[UUID, DeviceUnit]) -> None:
     """Halt all devices at once: on a slow wire the second must not wait for the first's answer."""
     for unit in units.values():
         try:
@@ -271,18 +273,18 @@ def _halt_all(units: dict[UUID, Unit]) -> None:
 def make_units(
     devices: list[DeviceConfig],
     clock: Clock,
-    drivers: Drivers,
+    drivers: DriverLoader,
     refuse: Callable[[DeviceConfig, LabError], None] = lambda _device, _error: None,
     *,
     pace: float = 1.0,
-) -> dict[UUID, Unit]:
+) -> dict[UUID, DeviceUnit]:
     """Load the drivers of one line over one shared transport; nothing is opened.
 
     A device whose driver cannot be loaded is left out, logged and told of: its actions wait
     until they expire, and the others go on.
     """
     shared: Transport | None = None
-    units: dict[UUID, Unit] = {}
+    units: dict[UUID, DeviceUnit] = {}
     for device in devices:
         try:
             transport = (
@@ -290,7 +292,7 @@ def make_units(
                 if shared is None
                 else shared.for_url(device.transport)
             )
-            units[device.id] = Unit(device, drivers.load(device, transport), clock, pace)
+            units[device.id] = DeviceUnit(device, drivers.load(device, transport), clock, pace)
         except LabError as error:
             log.error("device %s is not served: %s", device.key, error)  # the reason is whole
             refuse(device, error)

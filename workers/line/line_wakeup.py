@@ -15,7 +15,7 @@ from pathlib import Path
 from celery import Celery
 
 from workers.base.celery_apps import wake
-from workers.base.wake_pipe import PlainBell, ring
+from workers.base.wake_pipe import WakePipe, ring
 
 log = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ def attend(path: Path, drain: Callable[[], object], is_over: Callable[[], bool])
     """
     drain()
     try:
-        bell = PlainBell(path)
+        bell = WakePipe(path)
     except OSError as error:
         log.error("the bell %s cannot be listened to: %s", path.name, error)
         return

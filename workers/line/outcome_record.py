@@ -30,7 +30,7 @@ LAST_WRITE_PAUSE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Following:
+class FollowingAction:
     """The next action of a device, and what its worker knows of it before it starts."""
 
     row: ActionRow
@@ -40,7 +40,7 @@ class Following:
     """Is called when all is ready for the disk, which takes its time."""
 
 
-class Outcomes:
+class OutcomeRecord:
     """Writes answers and ends to the journal.
 
     Every method raises JournalError when the disk has refused to the last, or when another
@@ -62,7 +62,7 @@ class Outcomes:
         report: Report,
         post: list[tuple[Condition, Result]],
         answered: dict[str, Any] | None = None,
-        following: Following | None = None,
+        following: FollowingAction | None = None,
     ) -> Started | None:
         """Write the end of an action, and return `following` where it began in the same write.
 
@@ -102,7 +102,7 @@ class Outcomes:
         report: Report,
         post: list[tuple[Condition, Result]],
         answered: dict[str, Any] | None,
-        following: Following | None,
+        following: FollowingAction | None,
     ) -> Started | None:
         with self._journal.write(is_sealed=False) as tx:
             acting.write_end(tx, row, report, post, answered)

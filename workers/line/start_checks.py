@@ -10,7 +10,7 @@ from labweb.domain.runs.edge import Answer
 from labweb.domain.runs.journal import ActionRow
 from workers.journal.journal import Journal
 from workers.line import action_execution
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 from workers.line.line_thread import LineThread
 
 
@@ -24,7 +24,7 @@ def is_waiting(journal: Journal, do: Do) -> bool:
     return answer is not None and answer.kind == edge.HOLD
 
 
-def is_for_next(journal: Journal, do: Do, unit: Unit) -> bool:
+def is_for_next(journal: Journal, do: Do, unit: DeviceUnit) -> bool:
     """Say whether an action waits for a version of the driver that is about to take over."""
     if do.driver_digest == unit.config.digest:
         return False
@@ -33,7 +33,7 @@ def is_for_next(journal: Journal, do: Do, unit: Unit) -> bool:
 
 
 def problem(
-    journal: Journal, thread: LineThread, row: ActionRow, unit: Unit | None
+    journal: Journal, thread: LineThread, row: ActionRow, unit: DeviceUnit | None
 ) -> Answer | None:
     """Say why an action can never start here; None: nothing that is known before a reading."""
     do = row.do

@@ -14,11 +14,11 @@ from labweb.domain.ports import Clock
 from labweb.domain.runs.bodies import plain
 from labweb.domain.runs.clocks import Anchor, Estimate, estimate
 from labweb.domain.runs.moment import Moment
-from workers.base.valkey_store import Sample, Store
+from workers.base.valkey_store import StatusSample, ValkeyStore
 from workers.journal.journal import boot_id, since_boot_s
 from workers.line.action_files import share_picture
-from workers.line.device_unit import Unit
-from workers.line.held_state_monitor import Vigil
+from workers.line.device_unit import DeviceUnit
+from workers.line.held_state_monitor import HeldStateMonitor
 
 log = logging.getLogger(__name__)
 
@@ -37,16 +37,16 @@ class Sampler:
     def __init__(
         self,
         line: str,
-        units: Mapping[UUID, Unit],
-        store: Store | None,
+        units: Mapping[UUID, DeviceUnit],
+        store: ValkeyStore | None,
         clock: Clock,
-        vigil: Vigil | None = None,
+        monitor: HeldStateMonitor | None = None,
     ) -> None:
         self._line = line
         self._units = list(units.values())
         self._store = store
         self._clock = clock
-        self._vigil = vigil
+        self._monitor = monitor
         self._due_s: dict[tuple[UUID, str], float] = {}
         self._failures: dict[UUID, int] = {}
         self._taken_count = 0
@@ -72,16 +72,16 @@ class Sampler:
         """Samples taken so far."""
         return self._taken_count
 
-    def sample_once(self) -> list[Sample]:
+    def sample_once(self) -> list[StatusSample]:
         """Connect what is due, ask for what is due, and hand it on."""
-        samples: list[Sample] = []
+        samples: list[StatusSample] = []
         for unit in self._units:
             unit.connect_if_due()
             if unit.is_online:
                 taken = self._ask(unit)
                 samples += taken
-                if self._vigil is not None:
-                    self._vigil.note(unit, taken)
+                if self._monitor is not None:
+                    self._monitor.note(unit, taken)
         self._taken_count += len(samples)
         if samples and self._store is not None:
             self._store.put(self._line, samples, self._taken_count, self._began_s)
@@ -95,14 +95,14 @@ class Sampler:
             except OSError as error:  # no file is left for a connection, say: the next turn may go
                 log.error("line %s cannot be sampled now: %s", self._line, error)
             self._clock.wait(TICK_S)
-        if self._vigil is not None:
-            self._vigil.close()
+        if self._monitor is not None:
+            self._monitor.close()
 
-    def _ask(self, unit: Unit) -> Sequence[Sample]:
+    def _ask(self, unit: DeviceUnit) -> Sequence[StatusSample]:
         now_s = self._clock.monotonic_s()
         samples = []
         for status, usual_s in unit.config.statuses.items():
-            watched = self._vigil
+            watched = self._monitor
             period_s = usual_s if watched is None else watched.period_s(unit, status, usual_s)
             key = (unit.config.id, status)
             due_s = self._due_s.get(key, now_s)
@@ -130,7 +130,7 @@ class Sampler:
                 continue
             at = self._now()
             samples.append(
-                Sample(
+                StatusSample(
                     device_id=str(unit.config.id),
                     status=status,
                     at_s=at.at_s,
@@ -151,7 +151,7 @@ class Sampler:
         at = Moment(boot_id=self._boot_id, mono_s=since_boot_s(), wall_s=self._clock.now_s())
         return estimate(self._anchors, at)
 
-    def _note_failure(self, unit: Unit, error: DeviceError) -> None:
+    def _note_failure(self, unit: DeviceUnit, error: DeviceError) -> None:
         count = self._failures.get(unit.config.id, 0) + 1
         self._failures[unit.config.id] = count
         if count >= FAILURES_UNTIL_OFFLINE:

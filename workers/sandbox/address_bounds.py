@@ -13,7 +13,7 @@ from drivers.transports.urls import addresses_of, beat_of, file_of, line_key, ro
 from labweb.domain.messages import DeviceConfig
 from workers.sandbox.confinement import Bounds, existing
 from workers.sandbox.connection_proxy import Address
-from workers.sandbox.datagram_proxy import Segment
+from workers.sandbox.datagram_proxy import DatagramSegment
 from workers.sandbox.usb_device_files import BUS, places_of
 
 log = logging.getLogger(__name__)
@@ -37,10 +37,10 @@ def beats_of(urls: Sequence[str]) -> tuple[Address, ...]:
     return tuple(sorted({one for one in found if one is not None}))
 
 
-def segments_of(urls: Sequence[str]) -> tuple[Segment, ...]:
+def segments_of(urls: Sequence[str]) -> tuple[DatagramSegment, ...]:
     """Return where the datagrams of devices on ROS 2 go."""
     links = [ros2_of(url)[0] for url in urls if url.startswith("ros2:")]
-    return tuple(Segment(one.address, one.group, frozenset(one.peers)) for one in links)
+    return tuple(DatagramSegment(one.address, one.group, frozenset(one.peers)) for one in links)
 
 
 def public_files(urls: Sequence[str]) -> list[Path]:

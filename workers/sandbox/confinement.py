@@ -27,8 +27,8 @@ from pathlib import Path
 
 from labweb.domain.errors import StateError
 from workers.sandbox import connection_proxy
-from workers.sandbox.connection_proxy import Address, Guard, Reach
-from workers.sandbox.datagram_proxy import Segment
+from workers.sandbox.connection_proxy import Address, AllowedConnections, ConnectionProxy
+from workers.sandbox.datagram_proxy import DatagramSegment
 from workers.sandbox.system_call_numbers import NUMBERS, OTHERS, PAIR, STARTS, WIRES
 
 _CREATE, _ADD, _RESTRICT = 444, 445, 446
@@ -86,7 +86,7 @@ class Bounds:
     datagrams: tuple[Address, ...] = ()
     """Hosts and UDP ports that may be told something."""
 
-    segments: tuple[Segment, ...] = ()
+    segments: tuple[DatagramSegment, ...] = ()
     """Networks of DDS; with neither of the two there is no such socket at all."""
 
     has_interfaces: bool = False
@@ -103,8 +103,8 @@ class Bounds:
         return bool(self.datagrams or self.segments)
 
     @property
-    def has_guard(self) -> bool:
-        """Say whether a guard connects and sends: there is something that may be reached."""
+    def has_proxy(self) -> bool:
+        """Say whether a proxy connects and sends: there is something that may be reached."""
         return bool(self.addresses) or self.has_datagrams
 
 
@@ -122,7 +122,7 @@ def describe() -> str:
         return "unconfined: the kernel has no Landlock, or the machine is not known"
     if abi < _NET_ABI:
         return f"files by Landlock {abi}; a line on TCP may reach any address"
-    if not has_guards():
+    if not has_proxies():
         return (
             f"files and TCP ports by Landlock {abi}; a line on TCP may reach any address, "
             "one of ROS 2 any port besides"
@@ -135,7 +135,7 @@ def is_possible() -> bool:
     return landlock_abi() > 0 and platform.machine() in NUMBERS
 
 
-def has_guards() -> bool:
+def has_proxies() -> bool:
     """Say whether this machine bounds the addresses of a line on TCP, beside its ports."""
     if landlock_abi() < _NET_ABI or platform.machine() not in NUMBERS:
         return False
@@ -153,12 +153,12 @@ def confine(bounds: Bounds) -> None:
     try:
         libc = ctypes.CDLL(None, use_errno=True)
         beside = None
-        if bounds.has_guard and has_guards():
+        if bounds.has_proxy and has_proxies():
             far = frozenset(bounds.datagrams), frozenset(bounds.segments)
-            beside = Guard.start(Reach(frozenset(bounds.addresses), *far))
+            beside = ConnectionProxy.start(AllowedConnections(frozenset(bounds.addresses), *far))
         _check(libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0))
         _landlock(libc, bounds)
-        listener = _seccomp(libc, bounds, is_guarded=beside is not None)
+        listener = _seccomp(libc, bounds, is_proxied=beside is not None)
         if beside is not None:
             beside.watch(listener)
     except OSError as error:
@@ -238,7 +238,7 @@ _SOCKET_KIND = 0xF
 _UNIX, _INTERNET, _INTERNET_6, _NETLINK, _STREAM, _DATAGRAM = 1, 2, 10, 16, 1, 2
 _SET_FILTER, _ALL_THREADS = 1, 1
 _LISTENER, _OR_FAIL, _UNDISTURBED = 1 << 3, 1 << 4, 1 << 5
-_ASK_GUARD = 0x7FC00000
+_ASK_PROXY = 0x7FC00000
 _FAST_OPEN = 0x20000000
 _AT_THIRD, _AT_FIFTH = 32, 48
 _PROTOCOLS = {_STREAM: 6, _DATAGRAM: 17}
@@ -251,8 +251,8 @@ class _Program(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
 
 
-def _seccomp(libc: ctypes.CDLL, bounds: Bounds, *, is_guarded: bool) -> int:
-    """Install the filter; return the handle of the kernel's questions where a guard is asked."""
+def _seccomp(libc: ctypes.CDLL, bounds: Bounds, *, is_proxied: bool) -> int:
+    """Install the filter; return the handle of the kernel's questions where a proxy is asked."""
     machine, number, calls = NUMBERS[platform.machine()]
     kinds = [_STREAM] * bool(bounds.ports) + [_DATAGRAM] * bounds.has_datagrams
     steps = [
@@ -275,32 +275,32 @@ def _seccomp(libc: ctypes.CDLL, bounds: Bounds, *, is_guarded: bool) -> int:
         steps += _argument_steps(PAIR[platform.machine()], _AT_SECOND, _STREAM, _SOCKET_KIND)
     if not bounds.has_processes:
         steps += _thread_steps(*STARTS[platform.machine()])
-    if is_guarded:
-        verdict = _ASK_GUARD if bounds.segments else _FAIL
+    if is_proxied:
+        verdict = _ASK_PROXY if bounds.segments else _FAIL
         sent = verdict if bounds.has_datagrams else None
-        steps += _guard_steps(*WIRES[platform.machine()], sent)
+        steps += _proxy_steps(*WIRES[platform.machine()], sent)
     steps += [_step(_EQUAL, calls["socket"], 1, 0), _step(_RETURN, _PASS)]
     families = [_UNIX] * bounds.has_local + [_NETLINK] * bounds.has_interfaces
     steps += _socket_steps(families, kinds)
     program = _Program(len(steps), b"".join(steps))
     flags = _ALL_THREADS
-    if is_guarded:
+    if is_proxied:
         flags |= _LISTENER | _OR_FAIL | _UNDISTURBED
     return _check(libc.syscall(number, _SET_FILTER, flags, ctypes.byref(program)))
 
 
-def _guard_steps(
+def _proxy_steps(
     connect: int, sending: dict[str, tuple[int, int]], sent: int | None
 ) -> list[bytes]:
-    """Have the guard connect; what is sent carries no address that it has not seen.
+    """Have the proxy connect; what is sent carries no address that it has not seen.
 
     Args:
         connect: Number of that system call.
         sending: Number of what sends, and the place of its flags.
-        sent: What becomes of a datagram with an address: refused, or sent by the guard; None:
+        sent: What becomes of a datagram with an address: refused, or sent by the proxy; None:
             there are no datagrams.
     """
-    steps = [_step(_EQUAL, connect, 0, 1), _step(_RETURN, _ASK_GUARD)]
+    steps = [_step(_EQUAL, connect, 0, 1), _step(_RETURN, _ASK_PROXY)]
     for name, (call, flags) in sending.items():
         if sent is not None and name != "sendto":
             verdict = sent if name == "sendmsg" else _FAIL

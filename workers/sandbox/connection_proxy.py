@@ -32,7 +32,13 @@ from ipaddress import IPv6Address, ip_address
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from workers.sandbox.datagram_proxy import LONGEST_BYTES, Read, Segment, Sender, read_message
+from workers.sandbox.datagram_proxy import (
+    LONGEST_BYTES,
+    DatagramProxy,
+    DatagramSegment,
+    Read,
+    read_message,
+)
 from workers.sandbox.system_call_numbers import WIRES
 
 _Found = TypeVar("_Found")
@@ -41,13 +47,13 @@ Address = tuple[str, int]
 
 
 @dataclass(frozen=True)
-class Reach:
+class AllowedConnections:
     """Where sockets may be connected to."""
 
     streams: frozenset[Address] = frozenset()
     datagrams: frozenset[Address] = frozenset()
-    segments: frozenset[Segment] = frozenset()
-    """Where each datagram of DDS may go; the guard sends it (`workers.sandbox.datagram_proxy`)."""
+    segments: frozenset[DatagramSegment] = frozenset()
+    """Where each datagram of DDS may go; the proxy sends it (`workers.sandbox.datagram_proxy`)."""
 
 
 _PIDFD_OPEN, _PIDFD_GETFD = 434, 438
@@ -95,11 +101,11 @@ def _gives_sockets() -> bool:
 
 
 _beside: int | None = None
-"""Process id of the guard of this process."""
+"""Process id of the proxy of this process."""
 
 
 def has_ended() -> bool:
-    """Say whether this process has lost its guard, and can connect to nothing any more."""
+    """Say whether this process has lost its proxy, and can connect to nothing any more."""
     if _beside is None:
         return False
     try:
@@ -109,20 +115,20 @@ def has_ended() -> bool:
 
 
 @dataclass(frozen=True)
-class Guard:
+class ConnectionProxy:
     """The process beside this one, while it waits to be told what to watch."""
 
     process_id: int
     channel: socket.socket
 
     @classmethod
-    def start(cls, reach: Reach) -> Guard:
+    def start(cls, reach: AllowedConnections) -> ConnectionProxy:
         """Start it; no other thread may run yet.
 
         Raises:
             OSError: The kernel refuses.
         """
-        global _beside  # noqa: PLW0603 - a process has one guard, for as long as it lives
+        global _beside  # noqa: PLW0603 - a process has one proxy, for as long as it lives
         here, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
         parent = os.getpid()
         process_id = os.fork()
@@ -142,21 +148,21 @@ class Guard:
     def watch(self, listener: int) -> None:
         """Have the kernel's questions taken over, and close them here.
 
-        The guard takes the handle itself: a line may be one that sends no messages.
+        The proxy takes the handle itself: a line may be one that sends no messages.
 
         Raises:
-            OSError: The guard did not take it; nothing will be connected.
+            OSError: The proxy did not take it; nothing will be connected.
         """
         try:
             self.channel.sendall(struct.pack("=i", listener))
             if self.channel.recv(1) != _TAKEN:
-                raise OSError(errno.EPERM, "no guard")
+                raise OSError(errno.EPERM, "no proxy")
         finally:
             os.close(listener)
             self.channel.close()
 
 
-def _serve(channel: socket.socket, parent: int, reach: Reach) -> NoReturn:
+def _serve(channel: socket.socket, parent: int, reach: AllowedConnections) -> NoReturn:
     """Answer until the line has ended."""
     try:
         for number in (
@@ -197,10 +203,10 @@ def _take(process_id: int, handle: int) -> int:
         os.close(process)
 
 
-def _answer_all(listener: int, reach: Reach) -> None:
+def _answer_all(listener: int, reach: AllowedConnections) -> None:
     waiting = select.poll()
     waiting.register(listener, select.POLLIN)
-    sender = Sender(reach.segments)
+    sender = DatagramProxy(reach.segments)
     while True:
         for _, events in waiting.poll():
             if events & select.POLLIN == 0:
@@ -248,7 +254,7 @@ class _Question:
             with contextlib.suppress(OSError):  # who asked has ended
                 fcntl.ioctl(self.listener, _SEND, _RESPONSE.pack(self.number, done, -found, 0))
 
-    def connect(self, reach: Reach) -> int:
+    def connect(self, reach: AllowedConnections) -> int:
         """Connect where the line may; return 0.
 
         Raises:
@@ -266,7 +272,7 @@ class _Question:
                 raise OSError(ctypes.get_errno(), "connect")
             return 0
 
-    def send(self, sender: Sender) -> int:
+    def send(self, sender: DatagramProxy) -> int:
         """Send where the line may; return how many bytes went.
 
         Raises:
@@ -312,7 +318,7 @@ class _Question:
         raise OSError(errno.ESRCH, "thread")
 
 
-def is_allowed(family: int, kind: int, raw: bytes, reach: Reach) -> bool:
+def is_allowed(family: int, kind: int, raw: bytes, reach: AllowedConnections) -> bool:
     """Tell whether a socket may be connected to an address.
 
     Local sockets may, by an absolute path: which of them there are is not this one's to bound.

@@ -1,7 +1,7 @@
 """Send datagrams for a confined line of DDS: on its own card's network, and nowhere else.
 
 Whom a line of DDS talks with it learns from the network: any machine there may be a node. So its
-guard copies each datagram and its address, looks where it goes, and sends it itself on the
+proxy copies each datagram and its address, looks where it goes, and sends it itself on the
 line's own socket, out of the line's own card, whatever the line has set on that socket or writes
 over the address meanwhile:
 
@@ -52,7 +52,7 @@ Read = Callable[[int, int], bytes]
 
 
 @dataclass(frozen=True)
-class Card:
+class NetworkCard:
     """A network card of this machine."""
 
     index: int
@@ -60,7 +60,7 @@ class Card:
 
 
 @dataclass(frozen=True)
-class Segment:
+class DatagramSegment:
     """Where the datagrams of one domain of DDS may go."""
 
     address: str
@@ -70,7 +70,7 @@ class Segment:
     peers: frozenset[str] = frozenset()
     """Machines that a person has named."""
 
-    def is_reached(self, host: str, port: int, card: Card) -> bool:
+    def is_reached(self, host: str, port: int, card: NetworkCard) -> bool:
         """Tell whether a datagram may go there."""
         to = IPv4Address(host)
         if to.is_multicast:
@@ -86,11 +86,11 @@ class Segment:
 
 
 @dataclass
-class Sender:
-    """Sends for the lines of one guard."""
+class DatagramProxy:
+    """Sends for the lines of one proxy."""
 
-    segments: frozenset[Segment]
-    _cards: dict[str, tuple[float, Card | None]] = field(default_factory=dict)
+    segments: frozenset[DatagramSegment]
+    _cards: dict[str, tuple[float, NetworkCard | None]] = field(default_factory=dict)
 
     def send(self, opened: socket.socket, content: bytes, raw: bytes, flags: int) -> int:
         """Send one datagram of the line on its own socket; return how many bytes went.
@@ -99,7 +99,7 @@ class Sender:
             opened: The line's socket.
             content: What is sent.
             raw: The address as the kernel takes it; empty: where the socket is connected to,
-                which the guard has seen.
+                which the proxy has seen.
             flags: As the line has given them.
 
         Raises:
@@ -136,12 +136,12 @@ class Sender:
             return opened.sendmsg([content], words, flags, to)
         raise OSError(errno.EACCES, "address")
 
-    def _is_own(self, host: str, port: int, card: Card) -> bool:
+    def _is_own(self, host: str, port: int, card: NetworkCard) -> bool:
         """Tell whether a datagram goes to this machine, of a line that stays on it."""
         is_local = card.here.ip.is_loopback and port >= LOWEST_PORT
         return is_local and self._card(host) is not None
 
-    def _card(self, address: str) -> Card | None:
+    def _card(self, address: str) -> NetworkCard | None:
         """Return the card that has an address now; None: none has."""
         now_s = time.monotonic()
         at_s, card = self._cards.get(address, (now_s - _CARD_S, None))
@@ -172,7 +172,7 @@ def read_message(read: Read, place: int) -> tuple[bytes, bytes]:
     return content, read(name, name_size) if name and name_size else b""
 
 
-def find_card(address: str) -> Card | None:
+def find_card(address: str) -> NetworkCard | None:
     """Return the card that has an address; None: none has."""
     wanted = IPv4Address(address)
     request = _REQUEST.pack(24, _GET_ADDRESSES, _ASK_ALL, 1, 0, socket.AF_INET, 0, 0, 0)
@@ -191,13 +191,13 @@ def find_card(address: str) -> Card | None:
                 told = told[_aligned(length) :]
 
 
-def _read_card(told: bytes, wanted: IPv4Address) -> Card | None:
+def _read_card(told: bytes, wanted: IPv4Address) -> NetworkCard | None:
     _, prefix, _, _, index = struct.unpack_from("=BBBBI", told)
     at = 8
     while at < len(told):
         length, sort = struct.unpack_from("=HH", told, at)
         if sort == _IFA_LOCAL and told[at + 4 : at + length] == wanted.packed:
-            return Card(index, IPv4Interface(f"{wanted}/{prefix}"))
+            return NetworkCard(index, IPv4Interface(f"{wanted}/{prefix}"))
         at += _aligned(length)
     return None
 

@@ -12,7 +12,7 @@ from signal import SIGKILL
 import msgspec
 
 from labweb.domain.errors import DeviceError
-from workers.tryouts.driver_process import Said, Start, Wish
+from workers.tryouts.driver_process import DriverCall, DriverReply, DriverStart
 from workers.tryouts.simulated_instrument import end_process
 
 BUILD_S = 60.0
@@ -23,16 +23,16 @@ PASSED_ON = ("PATH", "PYTHONPATH", "LANG", "LC_ALL", "HOME")
 """What of its environment a host gives to source that nobody approved."""
 
 
-class Driving:
+class DriverControl:
     """One confined process with one driver."""
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
-        self._waiting: dict[int, asyncio.Future[Said]] = {}
+        self._waiting: dict[int, asyncio.Future[DriverReply]] = {}
         self._listening = asyncio.create_task(self._listen())
 
     @classmethod
-    async def start(cls, start: Start, environment: Mapping[str, str]) -> Driving:
+    async def start(cls, start: DriverStart, environment: Mapping[str, str]) -> DriverControl:
         """Start the process and have the driver built.
 
         Raises:
@@ -55,20 +55,20 @@ class Driving:
             stderr=asyncio.subprocess.DEVNULL,
             limit=LONGEST_ANSWER_BYTES,
         )
-        driving = cls(process)
-        built = driving._expect(0)
-        driving._write(msgspec.json.encode(start))
+        control = cls(process)
+        built = control._expect(0)
+        control._write(msgspec.json.encode(start))
         try:
             said = await _within(built, BUILD_S, "the driver was not built within")
         except DeviceError:
-            await driving.end()
+            await control.end()
             raise
         if said.code:
-            await driving.end()
+            await control.end()
             raise DeviceError(said.message, code=said.code)
-        return driving
+        return control
 
-    async def ask(self, wish: Wish, within_s: float) -> Said:
+    async def ask(self, wish: DriverCall, within_s: float) -> DriverReply:
         """Have one wish carried out.
 
         Raises:
@@ -96,7 +96,7 @@ class Driving:
         await end_process(self._process)
         self._listening.cancel()
 
-    def _expect(self, number: int) -> asyncio.Future[Said]:
+    def _expect(self, number: int) -> asyncio.Future[DriverReply]:
         answer = asyncio.get_running_loop().create_future()
         self._waiting[number] = answer
         return answer
@@ -112,7 +112,7 @@ class Driving:
         why = "the driver's process ended"
         try:
             while line := await self._process.stdout.readline():
-                said = msgspec.json.decode(line, type=Said)
+                said = msgspec.json.decode(line, type=DriverReply)
                 answer = self._waiting.get(said.number)
                 if answer is not None and not answer.done():
                     answer.set_result(said)
@@ -125,7 +125,7 @@ class Driving:
                 answer.set_exception(DeviceError(why, code="tryout.process"))
 
 
-async def _within(answer: asyncio.Future[Said], within_s: float, text: str) -> Said:
+async def _within(answer: asyncio.Future[DriverReply], within_s: float, text: str) -> DriverReply:
     try:
         async with asyncio.timeout(within_s):
             return await answer

@@ -27,7 +27,7 @@ MOST_FILES = 64
 MOST_PROCESSOR_S = 600
 
 
-class Start(msgspec.Struct, frozen=True):
+class DriverStart(msgspec.Struct, frozen=True):
     """The first line in: what is tried, and where."""
 
     modules: dict[str, str]
@@ -38,7 +38,7 @@ class Start(msgspec.Struct, frozen=True):
     """Seconds of lab time in a real one, as its simulator runs."""
 
 
-class Wish(msgspec.Struct, frozen=True):
+class DriverCall(msgspec.Struct, frozen=True):
     """A line in."""
 
     number: int
@@ -47,7 +47,7 @@ class Wish(msgspec.Struct, frozen=True):
     args: dict[str, Any] = {}
 
 
-class Said(msgspec.Struct, frozen=True):
+class DriverReply(msgspec.Struct, frozen=True):
     """A line out; number 0: whether the driver could be built."""
 
     number: int
@@ -61,9 +61,9 @@ def main() -> None:
     """Serve one driver until the input ends."""
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    start = msgspec.json.decode(sys.stdin.buffer.readline(), type=Start)
+    start = msgspec.json.decode(sys.stdin.buffer.readline(), type=DriverStart)
     limit(start.url)
-    mouth = Mouth(output)
+    mouth = AnswerStream(output)
     try:
         transport = make_transport(start.url)
         driver = load_bundle(start.modules, start.class_name, transport, start.config)
@@ -71,10 +71,10 @@ def main() -> None:
     except LabError as error:
         mouth.refuse(0, error)
         return
-    mouth.say(Said(0))
-    served = Served(driver, mouth)
+    mouth.say(DriverReply(0))
+    served = TriedDriver(driver, mouth)
     for line in sys.stdin.buffer:
-        served.take(msgspec.json.decode(line, type=Wish))
+        served.take(msgspec.json.decode(line, type=DriverCall))
 
 
 def limit(url: str) -> None:
@@ -95,14 +95,14 @@ def limit(url: str) -> None:
     confine(bounds)
 
 
-class Mouth:
+class AnswerStream:
     """Says one answer at a time, from any thread."""
 
     def __init__(self, output: IO[bytes]) -> None:
         self._output = output
         self._lock = threading.Lock()
 
-    def say(self, said: Said) -> None:
+    def say(self, said: DriverReply) -> None:
         """Write one line."""
         with self._lock:
             self._output.write(msgspec.json.encode(said) + b"\n")
@@ -110,26 +110,26 @@ class Mouth:
 
     def refuse(self, number: int, error: LabError) -> None:
         """Say why something failed, and what it may have done."""
-        self.say(Said(number, error.code, error.message[:2000], error.effect.value))
+        self.say(DriverReply(number, error.code, error.message[:2000], error.effect.value))
 
 
-class Served:
+class TriedDriver:
     """One driver: an action runs on a thread of its own, so that it can be watched and stopped."""
 
-    def __init__(self, driver: Driver[Any, Any], mouth: Mouth) -> None:
+    def __init__(self, driver: Driver[Any, Any], mouth: AnswerStream) -> None:
         self._driver = driver
         self._mouth = mouth
         self._is_connected = False
         self._connecting = threading.Lock()
 
-    def take(self, wish: Wish) -> None:
+    def take(self, wish: DriverCall) -> None:
         """Begin one wish."""
         work = {"act": self._act, "read": self._read, "stop": self._stop}[wish.sort]
         threading.Thread(target=self._answer, args=(wish, work), daemon=True).start()
 
-    def _answer(self, wish: Wish, work: Any) -> None:  # noqa: ANN401 - one of three methods
+    def _answer(self, wish: DriverCall, work: Any) -> None:  # noqa: ANN401 - one of three methods
         try:
-            self._mouth.say(Said(wish.number, data=work(wish)))
+            self._mouth.say(DriverReply(wish.number, data=work(wish)))
         except LabError as error:
             self._mouth.refuse(wish.number, error)
         except Exception as error:  # noqa: BLE001 - a driver's bug is what the author looks for
@@ -143,7 +143,7 @@ class Served:
                 self._driver.connect()
                 self._is_connected = True
 
-    def _act(self, wish: Wish) -> dict[str, Any]:
+    def _act(self, wish: DriverCall) -> dict[str, Any]:
         self._connect()
         self._driver.clear_stop()
         try:
@@ -158,7 +158,7 @@ class Served:
         found: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(report, files=()))
         return found | {"files": told}
 
-    def _read(self, wish: Wish) -> dict[str, Any]:
+    def _read(self, wish: DriverCall) -> dict[str, Any]:
         """Ask for every status; one that is refused does not hide the others.
 
         Where the instrument has fallen silent the others are not asked.
@@ -176,7 +176,7 @@ class Served:
                     break
         return {"values": values, "problems": problems}
 
-    def _stop(self, wish: Wish) -> dict[str, Any]:
+    def _stop(self, wish: DriverCall) -> dict[str, Any]:
         del wish
         self._driver.stop()
         return {}

@@ -26,7 +26,7 @@ from workers.base.device_lines import fingerprint
 from workers.base.fork_server import Forked, ForkServer
 from workers.journal.journal import Journal
 from workers.line.driver_reports import tell_refused
-from workers.line.driver_store import Drivers, DriverStore, is_installed
+from workers.line.driver_store import DriverLoader, DriverStore, is_installed
 from workers.line.line_confinement import confine_line
 
 log = logging.getLogger(__name__)
@@ -37,7 +37,7 @@ WITHIN_S = 60.0
 MAX_ANSWER_BYTES = 256 * 1024
 
 
-class Answer(msgspec.Struct, frozen=True):
+class TrialAnswer(msgspec.Struct, frozen=True):
     """What a trial says of one device, as a line of its output."""
 
     device_id: UUID
@@ -55,7 +55,7 @@ class _Trial:
     began_s: float = field(default_factory=time.monotonic)
 
 
-class Trials:
+class DriverTrials:
     """Starts and watches the trials of a host, one process for each version.
 
     A version is tried once for each device, as long as it is staged there.
@@ -127,7 +127,7 @@ def _tell(journal: Journal, trial: _Trial, devices: list[DeviceConfig]) -> None:
     late = f", it may take {WITHIN_S:.0f} s" if trial.process.returncode == -SIGKILL else ""
     text = f"the driver ended its process with code {trial.process.returncode}{late}"
     for device in devices:
-        answer = answers.get(device.id) or Answer(device.id, code="driver.trial", message=text)
+        answer = answers.get(device.id) or TrialAnswer(device.id, code="driver.trial", message=text)
         if answer.code:
             log.error("device %s keeps its driver: %s", device.key, answer.message)
             tell_refused(journal, [device], answer.code, answer.message)
@@ -138,14 +138,14 @@ def _tell(journal: Journal, trial: _Trial, devices: list[DeviceConfig]) -> None:
             tx.append("driver_ready", None, body)
 
 
-def _answers(trial: _Trial) -> dict[UUID, Answer]:
+def _answers(trial: _Trial) -> dict[UUID, TrialAnswer]:
     """Read what a trial has said; a driver may have printed anything in between."""
     trial.output.seek(0, os.SEEK_END)
     trial.output.seek(max(0, trial.output.tell() - MAX_ANSWER_BYTES))
     found = {}
     for line in trial.output.read().splitlines():
         with contextlib.suppress(msgspec.MsgspecError):
-            answer = msgspec.json.decode(line, type=Answer)
+            answer = msgspec.json.decode(line, type=TrialAnswer)
             found[answer.device_id] = answer
     trial.output.close()
     return found
@@ -163,11 +163,11 @@ def run_trial(config: HostConfig, device_ids: Sequence[UUID]) -> None:
             if not is_confined:
                 confine_line(config, line_key(device.transport), staged)
                 is_confined = True
-            drivers = Drivers(DriverStore(config.drivers_folder), keys)
+            drivers = DriverLoader(DriverStore(config.drivers_folder), keys)
             drivers.load(device, make_transport(device.transport))
-            answer = Answer(device.id)
+            answer = TrialAnswer(device.id)
         except LabError as error:
-            answer = Answer(device.id, error.code, error.message[:2000])
+            answer = TrialAnswer(device.id, error.code, error.message[:2000])
         sys.stdout.buffer.write(b"\n" + msgspec.json.encode(answer) + b"\n")
         sys.stdout.buffer.flush()
 

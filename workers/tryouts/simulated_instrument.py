@@ -46,7 +46,7 @@ async def read_models(environment: Mapping[str, str]) -> list[SimulatedModel]:
     return msgspec.json.decode(output, type=list[SimulatedModel])
 
 
-class Simulator:
+class SimulatedInstrument:
     """One running instrument."""
 
     def __init__(self, folder: Path, process: asyncio.subprocess.Process, ready: Any) -> None:  # noqa: ANN401 - JSON
@@ -67,7 +67,7 @@ class Simulator:
         settings: Mapping[str, Any],
         speed: float,
         environment: Mapping[str, str],
-    ) -> Simulator:
+    ) -> SimulatedInstrument:
         """Start a model in a private folder with a short path.
 
         Raises:

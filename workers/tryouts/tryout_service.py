@@ -17,11 +17,11 @@ from labweb.domain.errors import ConformanceError, LabError, StateError
 from labweb.domain.messages import SimulatedModel, TryoutAsk, TryoutOrder, TryoutPart, TryoutTold
 from workers.base.config import HostConfig
 from workers.base.signatures import is_signed
-from workers.base.valkey_store import TRYOUT_TOLD, TRYOUT_WORDS, Store
+from workers.base.valkey_store import TRYOUT_TOLD, TRYOUT_WORDS, ValkeyStore
 from workers.journal.journal import Journal
 from workers.sandbox.confinement import describe, is_possible
 from workers.tryouts.simulated_instrument import read_models
-from workers.tryouts.tryout import Tryout
+from workers.tryouts.tryout import RunningTryout
 
 log = logging.getLogger(__name__)
 
@@ -31,21 +31,21 @@ Word = TryoutPart | TryoutAsk
 """What the uplink hands on."""
 
 
-class Offer(msgspec.Struct, frozen=True):
+class StoredTryoutOffer(msgspec.Struct, frozen=True):
     """What the service has found out when it began, for the uplink to tell in each session."""
 
     models: list[SimulatedModel]
     problem: str = ""
 
 
-class Service:
+class TryoutService:
     """Keeps the tryouts of one host."""
 
-    def __init__(self, config: HostConfig, journal: Journal, store: Store) -> None:
+    def __init__(self, config: HostConfig, journal: Journal, store: ValkeyStore) -> None:
         self._config, self._journal, self._store = config, journal, store
         self._environment = dict(os.environ)
         self._models: dict[str, SimulatedModel] = {}
-        self._tryouts: dict[UUID, Tryout] = {}
+        self._tryouts: dict[UUID, RunningTryout] = {}
         self._running: set[asyncio.Task[None]] = set()
         self._gathered: dict[UUID, list[bytes]] = {}
         self._orders: dict[UUID, TryoutOrder] = {}
@@ -67,14 +67,16 @@ class Service:
                 tryout.end("the host ends")
             await asyncio.gather(*self._running, return_exceptions=True)
 
-    async def _offer(self) -> Offer:
+    async def _offer(self) -> StoredTryoutOffer:
         """Find out what can be simulated; source that nobody approved never runs unconfined."""
         if not is_possible():
-            return Offer([], f"drivers are tried on a machine that can confine them: {describe()}")
+            return StoredTryoutOffer(
+                [], f"drivers are tried on a machine that can confine them: {describe()}"
+            )
         try:
-            return Offer(await read_models(self._environment))
+            return StoredTryoutOffer(await read_models(self._environment))
         except LabError as error:
-            return Offer([], error.message)
+            return StoredTryoutOffer([], error.message)
 
     def _take(self, word: Word) -> None:
         try:
@@ -134,14 +136,14 @@ class Service:
             text = f"this host tries at most {MOST_AT_ONCE} drivers at a time"
             raise StateError(text, code="tryout.busy")
         modules = decode_bundle(data, order.digest)
-        tryout = Tryout(order, modules, self._tell, self._environment)
+        tryout = RunningTryout(order, modules, self._tell, self._environment)
         self._tryouts[order.tryout_id] = tryout
         log.info("tryout %s of %s on %s", order.tryout_id, order.digest[:12], order.model)
         task = asyncio.create_task(self._run(tryout))
         self._running.add(task)
         task.add_done_callback(self._running.discard)
 
-    async def _run(self, tryout: Tryout) -> None:
+    async def _run(self, tryout: RunningTryout) -> None:
         try:
             await tryout.run()
         finally:
@@ -153,12 +155,12 @@ class Service:
 
 def run_tryouts(config: HostConfig) -> None:
     """Run until told to end."""
-    service = Service(config, Journal(config.journal_path), Store(config.valkey_url))
+    service = TryoutService(config, Journal(config.journal_path), ValkeyStore(config.valkey_url))
     with contextlib.suppress(asyncio.CancelledError):
         asyncio.run(_until_told(service))
 
 
-async def _until_told(service: Service) -> None:
+async def _until_told(service: TryoutService) -> None:
     task = asyncio.current_task()
     if task is not None:
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)

@@ -10,7 +10,7 @@ from workers.line.driver_reports import tell_refused
 from workers.line.driver_store import DriverStore, is_installed
 
 
-class Fetching:
+class DriverDownload:
     """Gathers bundles piece by piece from the uplink."""
 
     def __init__(self, journal: Journal, store: DriverStore) -> None:

@@ -22,7 +22,7 @@ from labweb.domain.files import (
     FileTaken,
 )
 from workers.base.server_frames import send
-from workers.line.action_files import Kept, WaitingFiles
+from workers.line.action_files import WaitingFile, WaitingFiles
 
 log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ LOOK_S = 1.0
 """How often it is looked for files that wait; one that came too early is offered again."""
 
 
-class FileTeller:
+class FileDelivery:
     """Hands over the files of a host, one after the other."""
 
     def __init__(
@@ -74,7 +74,7 @@ class FileTeller:
                     log.error("file %s cannot be handed over: %s", kept.path.name, error)
             await asyncio.sleep(LOOK_S)
 
-    async def _hand(self, socket: ClientConnection, kept: Kept, epoch: int) -> None:
+    async def _hand(self, socket: ClientConnection, kept: WaitingFile, epoch: int) -> None:
         offer = FileOffer(
             epoch=epoch,
             action_id=kept.action_id,
@@ -102,7 +102,7 @@ class FileTeller:
         self._unknown_since_s.pop(kept.path.name, None)
         await asyncio.to_thread(self._files.drop, kept)
 
-    async def _answer_to(self, kept: Kept) -> str | None:
+    async def _answer_to(self, kept: WaitingFile) -> str | None:
         """Return the code of the server's answer, None when none came in time."""
         try:
             async with asyncio.timeout(ANSWER_S):
@@ -113,7 +113,7 @@ class FileTeller:
         except TimeoutError:
             return None
 
-    async def _send(self, socket: ClientConnection, kept: Kept, epoch: int) -> bool:
+    async def _send(self, socket: ClientConnection, kept: WaitingFile, epoch: int) -> bool:
         """Send a file part by part; False: its bytes are not those any more, which is told."""
         is_whole = kept.size_bytes <= MOST_BYTES
         try:
@@ -145,7 +145,7 @@ class FileTeller:
             await send(socket, part)
         return True
 
-    def _is_old(self, kept: Kept) -> bool:
+    def _is_old(self, kept: WaitingFile) -> bool:
         """Say whether nothing has named a file for so long that nothing will.
 
         The time runs while every event is with the server, and by a clock that nobody sets.
@@ -154,5 +154,5 @@ class FileTeller:
         return now_s - self._unknown_since_s.setdefault(kept.path.name, now_s) > self._retention_s
 
 
-def _gone(file: FileAsked | Kept, epoch: int, message: str) -> FileGone:
+def _gone(file: FileAsked | WaitingFile, epoch: int, message: str) -> FileGone:
     return FileGone(epoch=epoch, action_id=file.action_id, sha256=file.sha256, message=message)

@@ -22,7 +22,7 @@ from labweb.domain.messages import (
 )
 from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
 from workers.base.server_frames import send
-from workers.base.valkey_store import ASKS, TRYOUT_TOLD, TRYOUT_WORDS, Store
+from workers.base.valkey_store import ASKS, TRYOUT_TOLD, TRYOUT_WORDS, ValkeyStore
 
 ASKS_S = 0.1
 """Shortest time between two looks for wishes."""
@@ -38,7 +38,7 @@ ASK_LIFE_S = 5.0
 """Older wishes are not sent: who asked has given up."""
 
 
-class Word(msgspec.Struct, frozen=True):
+class BridgeWish(msgspec.Struct, frozen=True):
     """A wish, or its end, on its way from a bridge to the uplink."""
 
     mono_s: float
@@ -52,17 +52,19 @@ class _Offer(msgspec.Struct, frozen=True):
     problem: str = ""
 
 
-async def tell_asks(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
+async def tell_asks(socket: ClientConnection, store: ValkeyStore, epoch: Callable[[], int]) -> None:
     """Send wishes of nodes beside the host; one that waited for the server is dropped."""
     while True:
         for text in await asyncio.to_thread(store.take_words, ASKS):
-            word = msgspec.json.decode(text, type=Word)
+            word = msgspec.json.decode(text, type=BridgeWish)
             if time.monotonic() - word.mono_s < ASK_LIFE_S:
                 await send(socket, msgspec.structs.replace(word.frame, epoch=epoch()))
         await asyncio.sleep(ASKS_S)
 
 
-async def tell_sightings(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
+async def tell_sightings(
+    socket: ClientConnection, store: ValkeyStore, epoch: Callable[[], int]
+) -> None:
     """Send what was seen on wires and networks."""
     while True:
         texts = await asyncio.to_thread(store.take_sightings, MOST_SIGHTINGS_PER_FRAME)
@@ -72,7 +74,9 @@ async def tell_sightings(socket: ClientConnection, store: Store, epoch: Callable
         await asyncio.sleep(SIGHTINGS_S)
 
 
-async def tell_tryouts(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
+async def tell_tryouts(
+    socket: ClientConnection, store: ValkeyStore, epoch: Callable[[], int]
+) -> None:
     """Tell what can be simulated, once in each session, and what becomes of drivers on trial."""
     offered, look_s = b"", 0.0
     while True:
@@ -89,6 +93,6 @@ async def tell_tryouts(socket: ClientConnection, store: Store, epoch: Callable[[
         await asyncio.sleep(TRYOUTS_S)
 
 
-def hand_on(store: Store, frame: TryoutPart | TryoutAsk) -> None:
+def hand_on(store: ValkeyStore, frame: TryoutPart | TryoutAsk) -> None:
     """Give a word of the server to the process that tries drivers."""
     store.put_word(TRYOUT_WORDS, msgspec.json.encode(frame))

@@ -23,13 +23,13 @@ LONGEST_MISFIT_S = 300.0
 """Longest time between two tries of sides that do not understand each other."""
 
 
-class RefusedError(LabError):
+class SessionRefusedError(LabError):
     """The server will not open a session."""
 
     default_code = "host.refused"
 
 
-class Patience:
+class ReconnectBackoff:
     """How long to wait after each failure; twice as long after the next one, up to an end."""
 
     def __init__(self) -> None:
@@ -50,7 +50,7 @@ class Patience:
             self._said = ""
         if error is not None and (text := misfit(error)):
             return self._after_misfit(text)
-        if isinstance(error, RefusedError):
+        if isinstance(error, SessionRefusedError):
             log.error("%s", error)
             # The connection of a process that died may close a moment later.
             if error.code != "host.rival":
@@ -74,7 +74,7 @@ class Patience:
 
 def misfit(error: Exception) -> str:
     """Say in what the two sides do not understand each other; empty: it is something else."""
-    if isinstance(error, RefusedError) and error.code == "host.version":
+    if isinstance(error, SessionRefusedError) and error.code == "host.version":
         return error.message
     if isinstance(error, msgspec.MsgspecError):
         return f"the server sends what this host does not know, one of them is older: {error}"

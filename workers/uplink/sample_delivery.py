@@ -13,7 +13,7 @@ from websockets.asyncio.client import ClientConnection
 
 from labweb.domain.messages import MAX_FRAME_BYTES, Telemetry, TelemetryGap, TelemetryTaken
 from labweb.domain.messages.telemetry import MAX_SAMPLES_PER_FRAME
-from workers.base.valkey_store import Batch, Store
+from workers.base.valkey_store import SampleBatch, ValkeyStore
 
 log = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ PAUSE_S = 1.0
 NOTHING = "0-0"
 
 
-class LineTold(msgspec.Struct, frozen=True, kw_only=True):
+class LinePosition(msgspec.Struct, frozen=True, kw_only=True):
     """How far the samples of one line have been told."""
 
     began_s: float
@@ -42,25 +42,25 @@ class LineTold(msgspec.Struct, frozen=True, kw_only=True):
     """Who has been heard on the line."""
 
 
-class Told(msgspec.Struct, frozen=True, kw_only=True):
+class StreamPosition(msgspec.Struct, frozen=True, kw_only=True):
     """How far the stream of a host has been told."""
 
     key: str = NOTHING
-    lines: dict[str, LineTold] = msgspec.field(default_factory=dict)
+    lines: dict[str, LinePosition] = msgspec.field(default_factory=dict)
 
 
-class SampleTeller:
+class SampleDelivery:
     """Sends what the lines have sampled, from where the server stands.
 
     The place is kept beside the stream, so that a process that begins anew, or a server that
     was away, loses nothing that is still in the stream. What fell out of it is a gap.
     """
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: ValkeyStore) -> None:
         """Begin where the store says that the server stands."""
         self._store = store
-        self._stored = Told()
-        self._waiting: deque[Told] = deque()
+        self._stored = StreamPosition()
+        self._waiting: deque[StreamPosition] = deque()
         self._came = asyncio.Event()
 
     def take(self, frame: TelemetryTaken) -> None:
@@ -96,17 +96,19 @@ class SampleTeller:
             if len(batches) < self._store.BATCHES_AT_ONCE:
                 await asyncio.sleep(TELEMETRY_S)
 
-    async def _begin(self) -> Told:
+    async def _begin(self) -> StreamPosition:
         while True:
             try:
                 text = await asyncio.to_thread(self._store.told)
             except RedisError:
                 await asyncio.sleep(PAUSE_S)
                 continue
-            self._stored = Told() if text is None else msgspec.json.decode(text, type=Told)
+            self._stored = (
+                StreamPosition() if text is None else msgspec.json.decode(text, type=StreamPosition)
+            )
             return await self._after_silence(self._stored)
 
-    async def _after_silence(self, told: Told) -> Told:
+    async def _after_silence(self, told: StreamPosition) -> StreamPosition:
         """Begin a stream anew that was lost with its server: its keys may be lower."""
         try:
             last = await asyncio.to_thread(self._store.last_key)
@@ -115,7 +117,7 @@ class SampleTeller:
         if is_reached(told.key, last):
             return told
         self._waiting.clear()
-        return Told(lines=told.lines)
+        return StreamPosition(lines=told.lines)
 
     async def _make_room(self) -> None:
         async with asyncio.timeout(ACK_TIMEOUT_S):
@@ -134,9 +136,9 @@ def _place(key: str) -> tuple[int, int]:
     return int(milliseconds), int(number or 0)
 
 
-def parts_of(batches: Iterable[Batch]) -> Iterator[list[Batch]]:
+def parts_of(batches: Iterable[SampleBatch]) -> Iterator[list[SampleBatch]]:
     """Divide batches into what fits into one frame each, in order."""
-    part: list[Batch] = []
+    part: list[SampleBatch] = []
     count = size_bytes = 0
     for batch in batches:
         is_full = count + len(batch.samples) > MAX_SAMPLES_PER_FRAME
@@ -150,12 +152,14 @@ def parts_of(batches: Iterable[Batch]) -> Iterator[list[Batch]]:
         yield part
 
 
-def is_too_large(batch: Batch) -> bool:
+def is_too_large(batch: SampleBatch) -> bool:
     """Say whether no frame may hold a batch."""
     return batch.size_bytes > MAX_FRAME_BYTES
 
 
-def make_frame(told: Told, batches: list[Batch], epoch: int) -> tuple[Told, Telemetry]:
+def make_frame(
+    told: StreamPosition, batches: list[SampleBatch], epoch: int
+) -> tuple[StreamPosition, Telemetry]:
     """Return how far the lines have been told after some batches, and the frame that tells them."""
     lines = dict(told.lines)
     gaps = []
@@ -172,13 +176,13 @@ def make_frame(told: Told, batches: list[Batch], epoch: int) -> tuple[Told, Tele
         gaps=gaps,
         key=batches[-1].key,
     )
-    return Told(key=frame.key, lines=lines), frame
+    return StreamPosition(key=frame.key, lines=lines), frame
 
 
-def _line_after(before: LineTold | None, batch: Batch) -> LineTold:
+def _line_after(before: LinePosition | None, batch: SampleBatch) -> LinePosition:
     heard = frozenset(one.device_id for one in batch.samples)
     known = frozenset() if before is None else before.device_ids
-    return LineTold(
+    return LinePosition(
         began_s=batch.began_s,
         taken_count=batch.taken_count,
         at_s=batch.samples[-1].at_s if batch.samples else batch.began_s,
@@ -186,7 +190,9 @@ def _line_after(before: LineTold | None, batch: Batch) -> LineTold:
     )
 
 
-def find_gaps(before: LineTold | None, after: LineTold, batch: Batch) -> list[TelemetryGap]:
+def find_gaps(
+    before: LinePosition | None, after: LinePosition, batch: SampleBatch
+) -> list[TelemetryGap]:
     """Return what is missing before a batch of a line, and the batch itself if it is too large.
 
     A process counts what it has taken from its begin on. So what is missing is known, but for

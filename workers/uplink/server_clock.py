@@ -12,7 +12,7 @@ from labweb.domain.errors import LabError
 from labweb.domain.messages import EdgeEvent, Pulse, Welcome, canonical
 from labweb.domain.runs.clocks import Anchor, Exchange, anchor_of, best_of, dated, with_anchor
 from labweb.domain.runs.moment import Moment
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.journal.journal import Journal
 
 log = logging.getLogger(__name__)
@@ -30,7 +30,7 @@ MOST_ASKED = 16
 class ServerClock:
     """Measures the server's clock, and says by it when events of this host happened."""
 
-    def __init__(self, journal: Journal, store: Store) -> None:
+    def __init__(self, journal: Journal, store: ValkeyStore) -> None:
         """Begin with what the journal knows: a night may have gone by since."""
         self._journal = journal
         self._store = store

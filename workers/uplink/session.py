@@ -25,7 +25,7 @@ from labweb.domain.runs.countersigning import write_head
 from labweb.domain.runs.journal import JournalError
 from labweb.domain.runs.moment import Moment
 from workers.base import faults
-from workers.base.disk_space import told_of
+from workers.base.disk_space import disk_space_of
 from workers.base.signatures import HostKey, is_signature
 from workers.journal.journal import Journal
 from workers.sandbox.confinement import describe
@@ -99,7 +99,7 @@ def make_heartbeat(
         mono_s=now_s,
         seq_head=journal.head()[0],
         stop_latched=host.stop_latched,
-        **told_of(folder),
+        **disk_space_of(folder),
         lines={line: now_s - at_s for line, at_s in alive.items()},
         wall_s=time.time(),
         asked_s=asked_s,

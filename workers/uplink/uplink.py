@@ -52,11 +52,11 @@ from workers.base.celery_apps import make_host_app
 from workers.base.config import HostConfig
 from workers.base.device_lines import lines_of
 from workers.base.server_frames import receive, send
-from workers.base.valkey_store import ASKS_TOLD, Store
-from workers.base.wake_pipe import Bell, ring
-from workers.enrollment.device_look import Looker
+from workers.base.valkey_store import ASKS_TOLD, ValkeyStore
+from workers.base.wake_pipe import AsyncWakePipe, ring
+from workers.enrollment.device_look import DeviceLooks
 from workers.enrollment.host_identity import (
-    Identity,
+    HostIdentity,
     load_identity,
     next_key,
     renewed,
@@ -66,19 +66,19 @@ from workers.enrollment.host_identity import (
 from workers.journal.command_acceptance import accept
 from workers.journal.journal import Journal
 from workers.line.action_files import WaitingFiles
-from workers.line.driver_reports import Serving
+from workers.line.driver_reports import ServingReport
 from workers.line.driver_store import DriverStore
 from workers.line.line_wakeup import waker
-from workers.uplink.driver_download import Fetching
-from workers.uplink.file_delivery import FileTeller
+from workers.uplink.driver_download import DriverDownload
+from workers.uplink.file_delivery import FileDelivery
 from workers.uplink.host_reports import (
     hand_on,
     tell_asks,
     tell_sightings,
     tell_tryouts,
 )
-from workers.uplink.reconnect_backoff import Patience, RefusedError
-from workers.uplink.sample_delivery import SampleTeller
+from workers.uplink.reconnect_backoff import ReconnectBackoff, SessionRefusedError
+from workers.uplink.sample_delivery import SampleDelivery
 from workers.uplink.server_clock import ServerClock
 from workers.uplink.session import (
     arm,
@@ -117,8 +117,8 @@ class Uplink:
         self,
         config: HostConfig,
         journal: Journal,
-        identity: Identity,
-        store: Store,
+        identity: HostIdentity,
+        store: ValkeyStore,
         ring: Callable[[str], None],
     ) -> None:
         self._config = config
@@ -132,20 +132,20 @@ class Uplink:
         self._sent_s = 0.0
         self._acked = asyncio.Event()
         self._acked_seq = 0
-        self._files = FileTeller(
+        self._files = FileDelivery(
             WaitingFiles(config.files_path),
             config.retention_s,
             lambda: self._journal.head()[0] <= self._acked_seq,
         )
-        self._samples = SampleTeller(store)
+        self._samples = SampleDelivery(store)
         self._clock = ServerClock(journal, store)
-        self._looker = Looker(journal)
-        self._serving = Serving(journal)
-        self._fetching = Fetching(journal, DriverStore(config.drivers_folder))
+        self._looks = DeviceLooks(journal)
+        self._serving = ServingReport(journal)
+        self._download = DriverDownload(journal, DriverStore(config.drivers_folder))
 
     async def run(self) -> None:
         """Stay connected; after each break, wait longer, with jitter."""
-        patience = Patience()
+        backoff = ReconnectBackoff()
         self._lose_link()
         while True:
             began_s, failure = time.monotonic(), None
@@ -155,7 +155,7 @@ class Uplink:
                 failure = error
             self._lose_link()
             lasted_s = time.monotonic() - began_s
-            await asyncio.sleep(patience.pause_s(failure, self._config.uplink_url, lasted_s))
+            await asyncio.sleep(backoff.pause_s(failure, self._config.uplink_url, lasted_s))
 
     def _lose_link(self) -> None:
         try:
@@ -189,20 +189,20 @@ class Uplink:
     async def _shake_hands(self, socket: ClientConnection) -> None:
         challenge = await receive(socket)
         if not isinstance(challenge, Challenge):
-            raise RefusedError(f"the server began with {type(challenge).__name__}")
+            raise SessionRefusedError(f"the server began with {type(challenge).__name__}")
         faults.point("uplink.before_hello")
         asked_at = self._journal.moment()
         key, pace = self._identity.key, self._config.pace
         hello = make_hello(self._journal, key, challenge.nonce, self._instance_id, pace)
         await send(socket, hello)
         if text := version_refusal(host=hello.v, server=challenge.v):
-            raise RefusedError(text, code="host.version")
+            raise SessionRefusedError(text, code="host.version")
         answer = await receive(socket)
         if isinstance(answer, Refuse):
             text = f"the server refuses this host: {answer.code}: {answer.message}"
-            raise RefusedError(text, code=answer.code)
+            raise SessionRefusedError(text, code=answer.code)
         if not isinstance(answer, Welcome):
-            raise RefusedError(f"the server answered with {type(answer).__name__}")
+            raise SessionRefusedError(f"the server answered with {type(answer).__name__}")
         self._clock.open(asked_at, answer)
         open_session(self._journal, answer, asked_at)
         record_ack(self._journal, answer.acked_seq)
@@ -225,7 +225,7 @@ class Uplink:
             tell_sightings(socket, self._store, lambda: self._epoch),
             tell_asks(socket, self._store, lambda: self._epoch),
             tell_tryouts(socket, self._store, lambda: self._epoch),
-            self._looker.tell(socket, lambda: self._epoch),
+            self._looks.tell(socket, lambda: self._epoch),
         )
         tasks = [asyncio.create_task(one) for one in work]
         try:
@@ -254,9 +254,9 @@ class Uplink:
                 case Nudge():
                     accept(self._journal, frame.signed, self._ring)
                 case Refuse():
-                    raise RefusedError(f"the server ends the session: {frame.message}")
+                    raise SessionRefusedError(f"the server ends the session: {frame.message}")
                 case Challenge() | Welcome():
-                    raise RefusedError("the server began a second handshake")
+                    raise SessionRefusedError("the server began a second handshake")
                 case _:
                     await self._take_given(socket, frame)
 
@@ -272,10 +272,10 @@ class Uplink:
             case Devices():
                 await self._take_devices(socket, frame)
             case DriverPart():
-                self._fetching.take(frame)
+                self._download.take(frame)
                 ring(self._config.supervisor_bell)
             case LookPart():
-                self._looker.take(frame)
+                self._looks.take(frame)
             case Heads():
                 countersign(self._journal, self._identity.key, frame)
             case TryoutPart() | TryoutAsk():
@@ -306,7 +306,7 @@ class Uplink:
 
     async def _fetch(self, socket: ClientConnection) -> None:
         """Ask for the drivers that are not here."""
-        for digest in self._fetching.missing():
+        for digest in self._download.missing():
             await send(socket, WantDriver(digest=digest))
 
     def _take_resume(self, resume: Resume) -> None:
@@ -346,11 +346,11 @@ class Uplink:
             await asyncio.sleep(RENEW_LOOK_S)
 
     async def _tell_events(self, socket: ClientConnection) -> None:
-        with contextlib.closing(Bell(self._journal.bell_path)) as bell:
+        with contextlib.closing(AsyncWakePipe(self._journal.bell_path)) as bell:
             while True:
                 await self._tell_frame(socket, bell)
 
-    async def _tell_frame(self, socket: ClientConnection, bell: Bell) -> None:
+    async def _tell_frame(self, socket: ClientConnection, bell: AsyncWakePipe) -> None:
         """Tell the next events and wait for their acknowledgement; without any, for the bell."""
         pause_s = self._sent_s + STREAM_S - time.monotonic()
         if pause_s > 0 and self._journal.has_accepted():
@@ -382,7 +382,7 @@ class Uplink:
 
 def run_uplink(config: HostConfig) -> None:
     """Run until told to end."""
-    store = Store(config.valkey_url)
+    store = ValkeyStore(config.valkey_url)
     uplink = Uplink(
         config,
         Journal(config.journal_path),

@@ -32,7 +32,7 @@ from workers.base import faults
 from workers.base.celery_apps import ACCEPT, make_host_app, wake
 from workers.base.config import HostConfig, ValkeyConfig, command_queue, line_queue
 from workers.base.signatures import create_key
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.host.process_main import main as run_process
 from workers.host.supervisor import RING_EVERY_S
 from workers.host.valkey_process import find_valkey
@@ -129,7 +129,7 @@ class Lab:
         broker = self.config.broker_url
         self.celery = Celery("server", broker=broker, set_as_current=False, fixups=[])
         self.host_app = make_host_app(self.config)
-        self.store = Store(self.config.valkey_url)
+        self.store = ValkeyStore(self.config.valkey_url)
         self._rung_s = 0.0
         self.processes: dict[str, ForkServerProcess] = {}
         self.line_pids: set[int] = set()
@@ -154,7 +154,7 @@ class Lab:
         popen = subprocess.Popen(command, cwd=self.folder, stdout=subprocess.DEVNULL)
         self.stack.callback(popen.wait)
         self.stack.callback(popen.kill)
-        store = Store(f"unix://{socket}?db=0")
+        store = ValkeyStore(f"unix://{socket}?db=0")
         until(store.ping)
         store.close()
 

@@ -33,7 +33,7 @@ from tests.workers.bench import BOOT_ID, SPACE, Server, a_bottle, a_device, a_do
 from workers.base.celery_apps import ACCEPT
 from workers.base.config import HostConfig, ValkeyConfig, command_queue
 from workers.base.signatures import create_key
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.host.process_main import main as run_process
 from workers.host.valkey_process import find_valkey
 from workers.journal.journal import Journal, create_journal
@@ -127,7 +127,7 @@ class Host:
         )
         self.stack.callback(popen.wait)
         self.stack.callback(popen.kill)
-        store = Store(self.config.valkey_url)
+        store = ValkeyStore(self.config.valkey_url)
         until(store.ping)
         store.close()
         self._fork(context, "uplink")
@@ -256,7 +256,7 @@ class Lab:
         )
         self.stack.callback(popen.wait)
         self.stack.callback(popen.kill)
-        store = Store(f"redis://{address}:6390/0")
+        store = ValkeyStore(f"redis://{address}:6390/0")
         until(store.ping)
         store.close()
         broker = f"redis://{address}:6390/3"

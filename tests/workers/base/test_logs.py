@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from labweb.common.logs import LossyStream as OfServer
-from workers.base.logs import LossyStream as OfHost
+from workers.base.logs import LossyLogStream as OfHost
 
 
 class _Full(io.StringIO):

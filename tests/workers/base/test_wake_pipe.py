@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.workers.bench import Host, a_do
-from workers.base.wake_pipe import Bell, PlainBell, ring
+from workers.base.wake_pipe import AsyncWakePipe, WakePipe, ring
 
 LONG_S = 60.0
 
@@ -22,7 +22,7 @@ def test_a_ring_is_heard_at_once_even_one_from_before_the_wait(tmp_path: Path) -
     path = tmp_path / "bell"
 
     async def listen() -> float:
-        bell = Bell(path)
+        bell = AsyncWakePipe(path)
         try:
             ring(path)
             began_s = time.monotonic()
@@ -38,7 +38,7 @@ def test_a_ring_is_heard_at_once_even_one_from_before_the_wait(tmp_path: Path) -
 
 def test_a_lost_ring_costs_one_wait(tmp_path: Path) -> None:
     async def listen() -> float:
-        bell = Bell(tmp_path / "bell")
+        bell = AsyncWakePipe(tmp_path / "bell")
         began_s = time.monotonic()
         await bell.wait(0.05)
         bell.close()
@@ -52,7 +52,7 @@ def test_a_bell_that_nobody_hears_neither_fails_nor_waits(tmp_path: Path) -> Non
     ring(path)
 
     async def hang_up_and_down() -> None:
-        Bell(path).close()
+        AsyncWakePipe(path).close()
 
     asyncio.run(hang_up_and_down())
     began_s = time.monotonic()
@@ -65,7 +65,7 @@ def test_the_journal_rings_for_an_end_and_not_for_progress(tmp_path: Path) -> No
     host = Host(tmp_path / "host", "tcp://127.0.0.1:9")
 
     async def listen() -> tuple[bool, bool]:
-        bell = Bell(host.journal.bell_path)
+        bell = AsyncWakePipe(host.journal.bell_path)
         try:
             host.take(a_do(host.server))
             await asyncio.sleep(0.02)
@@ -84,7 +84,7 @@ def test_who_does_one_thing_after_the_other_hears_a_ring_from_before_the_wait_on
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "bell"
-    bell = PlainBell(path)
+    bell = WakePipe(path)
     try:
         ring(path)
         ring(path)
@@ -100,7 +100,7 @@ def test_who_does_one_thing_after_the_other_hears_a_ring_from_before_the_wait_on
 
 def test_a_process_that_ends_rings_while_its_parent_waits(tmp_path: Path) -> None:
     path = tmp_path / "bell"
-    bell = PlainBell(path)
+    bell = WakePipe(path)
     before = signal.signal(signal.SIGCHLD, lambda *_: ring(path))
     try:
         began_s = time.monotonic()
@@ -117,5 +117,5 @@ def test_a_file_in_the_place_of_a_bell_is_refused_and_left_as_it_is(tmp_path: Pa
     path = tmp_path / "supervisor.bell"
     path.write_bytes(b"for ever")
     with pytest.raises(OSError, match="no FIFO"):
-        PlainBell(path)
+        WakePipe(path)
     assert path.read_bytes() == b"for ever"

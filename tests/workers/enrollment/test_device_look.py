@@ -19,7 +19,7 @@ from labweb.domain.messages import DriverApproval, LookOrder, LookPart, LookTold
 from tests.workers.bench import HOST_ID, MODULE, Host, PumpProcess, Server, a_device
 from tests.workers.sandbox.test_confinement import confining
 from workers.enrollment import device_look
-from workers.enrollment.device_look import Looker
+from workers.enrollment.device_look import DeviceLooks
 from workers.journal.journal import Journal
 from workers.uplink.session import open_session
 
@@ -71,17 +71,17 @@ def parts_of(host: Host, order: LookOrder, signer: Server | None = None) -> list
 
 def looked(host: Host, *parts: LookPart, within_s: float = 40.0) -> LookTold:
     async def look() -> LookTold:
-        looker, wire = Looker(host.journal), Wire()
+        looks, wire = DeviceLooks(host.journal), Wire()
         for part in parts:
-            looker.take(part)
-        talk = looker.tell(cast("ClientConnection", wire), lambda: host.server.epoch)
-        telling = asyncio.create_task(talk)
+            looks.take(part)
+        talk = looks.tell(cast("ClientConnection", wire), lambda: host.server.epoch)
+        serving = asyncio.create_task(talk)
         try:
             async with asyncio.timeout(within_s):
                 return await wire.sent.get()
         finally:
-            telling.cancel()
-            await asyncio.gather(telling, return_exceptions=True)
+            serving.cancel()
+            await asyncio.gather(serving, return_exceptions=True)
 
     return asyncio.run(look())
 

@@ -19,7 +19,7 @@ from labweb.domain.enrollment.sighting import Beacon, beacon_bytes, sighting_of
 from labweb.domain.errors import DefinitionError
 from workers.base.config import BeaconConfig, DiscoveryConfig, load_config
 from workers.base.signatures import HostKey
-from workers.base.valkey_store import MOST_SIGHTINGS, Store
+from workers.base.valkey_store import MOST_SIGHTINGS, ValkeyStore
 from workers.enrollment.discovery import open_socket, read_packet, scan
 
 
@@ -103,7 +103,7 @@ def test_a_datagram_reaches_the_host_by_its_port() -> None:
         assert hearing.recvfrom(100)[0] == b"hello"
 
 
-def test_what_was_seen_waits_for_the_uplink_and_the_oldest_goes_first(store: Store) -> None:
+def test_what_was_seen_waits_for_the_uplink_and_the_oldest_goes_first(store: ValkeyStore) -> None:
     for number in range(MOST_SIGHTINGS + 5):
         store.keep_sighting(b"%d" % number)
     first = store.take_sightings(50)

@@ -121,6 +121,6 @@ def test_the_next_key_is_made_once(tmp_path: Path) -> None:
 
 
 def test_what_was_begun_and_is_damaged_is_not_guessed_at(tmp_path: Path) -> None:
-    place = join.Place(tmp_path)
+    place = join.HostFolder(tmp_path)
     place.begun_file.write_bytes(msgspec.json.encode({"server": 1}))
     assert join.main(["--data", str(tmp_path)]) == 1

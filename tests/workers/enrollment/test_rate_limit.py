@@ -17,7 +17,7 @@ from labweb.domain.messages import Sighting
 from tests.workers.bench import HOST_ID, Host
 from workers.base.config import BeaconConfig, DiscoveryConfig, HostConfig, ValkeyConfig
 from workers.base.signatures import HostKey
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.enrollment.discovery import Discovery, read_packet
 from workers.enrollment.rate_limit import (
     COMPLAINT_S,
@@ -27,7 +27,7 @@ from workers.enrollment.rate_limit import (
     SAME_AGAIN_S,
     SHARE_PACKETS_PER_S,
     SHARES_COUNT,
-    Sieve,
+    AnnouncementFilter,
 )
 from workers.uplink.session import open_session
 
@@ -52,128 +52,128 @@ def signed(key: HostKey, serial: str = "0815") -> bytes:
     return msgspec.json.encode(whole)
 
 
-def heard(sieve: Sieve, packet: bytes, sender: str) -> Sighting | None:
+def heard(gate: AnnouncementFilter, packet: bytes, sender: str) -> Sighting | None:
     """Do with a datagram what the listening thread does."""
-    beacon = sieve.known(packet)
-    if beacon is None and sieve.admits(sender):
+    beacon = gate.known(packet)
+    if beacon is None and gate.admits(sender):
         beacon = read_packet(packet)
         if beacon is not None:
-            sieve.learn(packet, beacon)
+            gate.learn(packet, beacon)
     if beacon is None:
         return None
     one = sighting_of(beacon, sender)
-    return one if sieve.is_news(one) else None
+    return one if gate.is_news(one) else None
 
 
 def test_one_loud_sender_does_not_drown_the_others() -> None:
     clock = Time()
-    sieve = Sieve(clock)
-    admitted = sum(sieve.admits("loud") for _ in range(20))
+    gate = AnnouncementFilter(clock)
+    admitted = sum(gate.admits("loud") for _ in range(20))
     assert admitted == 2 * SHARE_PACKETS_PER_S
     # One of 256 shares was taken: of thirty others hardly two are in it.
-    assert sum(sieve.admits(f"quiet {number}") for number in range(30)) >= 24
-    assert sieve.dropped_count >= 20 - admitted
+    assert sum(gate.admits(f"quiet {number}") for number in range(30)) >= 24
+    assert gate.dropped_count >= 20 - admitted
     clock.s += 1.0
-    assert sum(sieve.admits("loud") for _ in range(20)) == SHARE_PACKETS_PER_S
+    assert sum(gate.admits("loud") for _ in range(20)) == SHARE_PACKETS_PER_S
 
 
 def test_forged_senders_as_many_as_were_enough_before_silence_nobody() -> None:
     """A hundred a second, each under another name, were five times what all had together."""
     clock = Time()
-    sieve = Sieve(clock)
+    gate = AnnouncementFilter(clock)
     count = 0
     for step in range(6000):
         clock.s += 0.01
-        sieve.admits(f"192.0.{step % 256}.{step // 256}")
+        gate.admits(f"192.0.{step % 256}.{step // 256}")
         if step % 100 == 50:
-            count += sieve.admits("honest")
+            count += gate.admits("honest")
     assert count >= 58
 
 
 def test_all_senders_together_have_an_end_and_take_no_memory() -> None:
-    sieve = Sieve(Time())
-    assert sum(sieve.admits(str(number)) for number in range(50_000)) <= (
+    gate = AnnouncementFilter(Time())
+    assert sum(gate.admits(str(number)) for number in range(50_000)) <= (
         2 * SHARE_PACKETS_PER_S * SHARES_COUNT
     )
-    assert len(sieve._shares) == SHARES_COUNT
+    assert len(gate._shares) == SHARES_COUNT
 
 
 def test_a_served_device_is_heard_through_any_flood_even_one_in_its_own_name() -> None:
     clock, key = Time(), a_key()
-    sieve, mine = Sieve(clock), signed(key)
-    sieve.serve({key.public_base64})
-    assert heard(sieve, mine, "192.0.2.9") is not None
+    gate, mine = AnnouncementFilter(clock), signed(key)
+    gate.serve({key.public_base64})
+    assert heard(gate, mine, "192.0.2.9") is not None
     strangers = [signed(a_key(), str(number)) for number in range(40)]
     for _ in range(5):
         for _ in range(100):
             for stranger in strangers:
-                sieve.admits("192.0.2.9")
-                sieve.is_news(Sighting(source="beacon", address=str(stranger), serial="x"))
+                gate.admits("192.0.2.9")
+                gate.is_news(Sighting(source="beacon", address=str(stranger), serial="x"))
         clock.s += SAME_AGAIN_S
         for stranger in strangers:
-            heard(sieve, stranger, "192.0.2.9")
-        assert heard(sieve, mine, "192.0.2.9") is not None
+            heard(gate, stranger, "192.0.2.9")
+        assert heard(gate, mine, "192.0.2.9") is not None
 
 
 def test_a_served_device_that_is_repeated_from_a_thousand_addresses_is_told_once() -> None:
     clock, key = Time(), a_key()
-    sieve, mine = Sieve(clock), signed(key)
-    sieve.serve({key.public_base64})
-    told = [heard(sieve, mine, f"10.0.{at // 256}.{at % 256}") for at in range(1000)]
+    gate, mine = AnnouncementFilter(clock), signed(key)
+    gate.serve({key.public_base64})
+    told = [heard(gate, mine, f"10.0.{at // 256}.{at % 256}") for at in range(1000)]
     assert sum(one is not None for one in told) == 1
 
 
 def test_only_a_served_key_is_remembered_and_no_more_than_it_needs() -> None:
     key, stranger = a_key(), a_key()
-    sieve = Sieve(Time())
-    sieve.serve({key.public_base64, ""})
+    gate = AnnouncementFilter(Time())
+    gate.serve({key.public_base64, ""})
     for number in range(3 * MOST_FORMS):
         for one in (key, stranger):
             packet = signed(one, str(number))
             beacon = read_packet(packet)
             assert beacon is not None
-            sieve.learn(packet, beacon)
-    assert sieve.known(signed(stranger, "0")) is None
-    assert len(sieve._forms) == MOST_FORMS
-    assert sieve.known(signed(key, str(3 * MOST_FORMS - 1))) is not None
-    sieve.serve(set())
-    assert not sieve._forms
+            gate.learn(packet, beacon)
+    assert gate.known(signed(stranger, "0")) is None
+    assert len(gate._forms) == MOST_FORMS
+    assert gate.known(signed(key, str(3 * MOST_FORMS - 1))) is not None
+    gate.serve(set())
+    assert not gate._forms
 
 
 def test_the_same_thing_is_not_told_twice_in_a_row() -> None:
     clock = Time()
-    sieve = Sieve(clock)
+    gate = AnnouncementFilter(clock)
     one = Sighting(source="beacon", address="tcp://192.0.2.9:5000", serial="1")
-    assert [sieve.is_news(one), sieve.is_news(one)] == [True, False]
+    assert [gate.is_news(one), gate.is_news(one)] == [True, False]
     clock.s += SAME_AGAIN_S
-    assert sieve.is_news(one)
+    assert gate.is_news(one)
 
 
 def test_news_of_strangers_have_an_end_and_a_scan_of_our_own_is_told_beside_them() -> None:
     clock = Time()
-    sieve = Sieve(clock)
+    gate = AnnouncementFilter(clock)
     told = sum(
-        sieve.is_news(Sighting(source="beacon", address="a", serial=str(number)))
+        gate.is_news(Sighting(source="beacon", address="a", serial=str(number)))
         for number in range(500)
     )
     assert told == 2 * NEWS_PER_S
-    assert sieve.is_news(Sighting(source="serial", address="serial:///dev/ttyUSB0"))
+    assert gate.is_news(Sighting(source="serial", address="serial:///dev/ttyUSB0"))
     for number in range(4 * MOST_REMEMBERED):
         clock.s += 0.01
-        sieve.is_news(Sighting(source="serial", address=str(number)))
-    assert len(sieve._told_s) <= MOST_REMEMBERED
+        gate.is_news(Sighting(source="serial", address=str(number)))
+    assert len(gate._told_s) <= MOST_REMEMBERED
 
 
 def test_what_was_too_much_is_said_once_a_minute() -> None:
     clock = Time()
-    sieve = Sieve(clock)
+    gate = AnnouncementFilter(clock)
     clock.s += COMPLAINT_S
-    assert sieve.complaint() == ""
+    assert gate.complaint() == ""
     for _ in range(10):
-        sieve.admits("loud")
-    assert "6 announcements" in sieve.complaint()
-    sieve.admits("loud")
-    assert sieve.complaint() == ""
+        gate.admits("loud")
+    assert "6 announcements" in gate.complaint()
+    gate.admits("loud")
+    assert gate.complaint() == ""
 
 
 @pytest.fixture
@@ -184,7 +184,7 @@ def port() -> int:
 
 
 @pytest.fixture
-def listening(host: Host, store: Store, port: int) -> Iterator[Discovery]:
+def listening(host: Host, store: ValkeyStore, port: int) -> Iterator[Discovery]:
     wanted = DiscoveryConfig(beacon=BeaconConfig(port=port, interface="127.0.0.1"))
     config = HostConfig(
         host_id=HOST_ID,
@@ -210,7 +210,7 @@ def shout(packets: list[bytes], port: int, senders: list[str]) -> None:
 
 
 def test_real_datagrams_under_many_names_silence_no_served_device(
-    host: Host, store: Store, port: int, listening: Discovery
+    host: Host, store: ValkeyStore, port: int, listening: Discovery
 ) -> None:
     key = a_key()
     device = msgspec.structs.replace(host.device, public_key=key.public_base64)

@@ -214,7 +214,7 @@ def test_a_host_starts_its_lines_with_the_server_away_and_runs_only_once(
     until(lambda: pump.moves == ["A300"], within_s=60)
 
 
-@pytest.mark.skipif(not confinement.has_guards(), reason="this kernel asks no guard")
+@pytest.mark.skipif(not confinement.has_proxies(), reason="this kernel asks no guard")
 def test_a_line_whose_guard_has_ended_starts_anew_and_reaches_its_device(
     running: Running, pump: PumpProcess
 ) -> None:

@@ -11,10 +11,10 @@ from drivers.transports.urls import line_key
 from labweb.domain.messages import DeviceConfig, Signed
 from tests.workers.bench import installed
 from workers.base import faults
-from workers.base.system_clock import SystemClock
+from workers.base.system_clock import HostClock
 from workers.journal.command_acceptance import accept
 from workers.journal.journal import Journal
-from workers.line.action_files import Files
+from workers.line.action_files import ActionFiles
 from workers.line.executor import Executor
 from workers.line.line_process import make_units
 
@@ -29,7 +29,7 @@ def accept_and_drain(
     device = msgspec.json.decode(device_text, type=DeviceConfig)
     journal = Journal(path)
     accept(journal, signed, lambda _: None)
-    clock = SystemClock()
+    clock = HostClock()
     units = make_units([device], clock, installed())
     line = line_key(device.transport)
     executor = Executor(
@@ -38,7 +38,7 @@ def accept_and_drain(
         units,
         store=None,
         clock=clock,
-        files=Files(path.with_name("files") / "line"),
+        files=ActionFiles(path.with_name("files") / "line"),
     )
     executor.recover()
     for unit in units.values():

@@ -16,8 +16,8 @@ from labweb.domain.messages import DeviceConfig
 from tests.workers.bench import installed
 from tests.workers.sandbox.confined_probe import works
 from workers.base.config import load_config
-from workers.base.system_clock import SystemClock
-from workers.line.action_files import Files, Witness
+from workers.base.system_clock import HostClock
+from workers.line.action_files import ActionFiles, PictureKeeper
 from workers.line.line_confinement import confine_line
 from workers.line.line_process import make_units
 
@@ -26,12 +26,12 @@ def main() -> None:
     config, line = load_config(Path(sys.argv[1])), sys.argv[2]
     device = msgspec.json.decode(sys.argv[3], type=DeviceConfig)
     assert confine_line(config, line, [device])
-    units = make_units([device], SystemClock(), installed())
+    units = make_units([device], HostClock(), installed())
     unit = units[device.id]
     unit.connect_if_due()
-    files = Files(config.files_of(line))
+    files = ActionFiles(config.files_of(line))
     report = unit.act("measure", json.loads(sys.argv[4]))
-    Witness(files, units, None).keep_files(uuid4(), device.id, report.files)
+    PictureKeeper(files, units, None).keep_files(uuid4(), device.id, report.files)
     unit.close()
     other = config.files_of("tcp:127.0.0.1:1")
     found = {

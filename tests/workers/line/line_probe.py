@@ -11,9 +11,9 @@ from pathlib import Path
 from tests.workers.bench import installed
 from workers.base.config import load_config
 from workers.base.device_lines import lines_of
-from workers.base.system_clock import SystemClock
+from workers.base.system_clock import HostClock
 from workers.journal.journal import Journal
-from workers.line.action_files import Files
+from workers.line.action_files import ActionFiles
 from workers.line.executor import Executor
 from workers.line.line_confinement import confine_line
 from workers.line.line_process import make_units
@@ -26,10 +26,10 @@ def main() -> None:
     journal.close()
     assert confine_line(config, line, devices)
     journal = Journal(config.journal_path)
-    clock = SystemClock()
+    clock = HostClock()
     units = make_units(devices, clock, installed())
     executor = Executor(
-        journal, line, units, store=None, clock=clock, files=Files(config.files_of(line))
+        journal, line, units, store=None, clock=clock, files=ActionFiles(config.files_of(line))
     )
     for unit in units.values():
         unit.connect_if_due()

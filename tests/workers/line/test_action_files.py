@@ -32,12 +32,12 @@ from tests.workers.bench import HOST_ID, Server, environment, installed
 from tests.workers.sandbox.test_confinement import a_config, confining
 from workers.base.config import line_queue
 from workers.base.signatures import create_key
-from workers.base.system_clock import SystemClock
+from workers.base.system_clock import HostClock
 from workers.journal.command_acceptance import accept
 from workers.journal.journal import Journal, create_journal
 from workers.line import action_files as files_module
 from workers.line.action_execution import to_report
-from workers.line.action_files import Files, WaitingFiles
+from workers.line.action_files import ActionFiles, WaitingFiles
 from workers.line.executor import Executor
 from workers.line.line_process import make_units
 from workers.uplink.session import arm as arm_host
@@ -108,7 +108,7 @@ class Cell:
         self.journal = Journal(self.folder / "journal.sqlite3")
         open_session(self.journal, self.server.welcome(self.device))
         assert arm_host(self.journal)
-        self.files = Files(self.folder / "files" / "line")
+        self.files = ActionFiles(self.folder / "files" / "line")
 
     def measure(self, operation: dict[str, Any] = READ) -> dict[str, Any]:
         """Take a spectrum; return how the action ended."""
@@ -123,10 +123,10 @@ class Cell:
             ],
         )  # fmt: skip
         accept(self.journal, self.server.sign(do), lambda _line: None)
-        units = make_units([self.device], SystemClock(), installed())
+        units = make_units([self.device], HostClock(), installed())
         made = Executor(
             self.journal, line_key(self.device.transport), units,
-            store=None, clock=SystemClock(), files=self.files,
+            store=None, clock=HostClock(), files=self.files,
         )  # fmt: skip
         for unit in units.values():
             unit.connect_if_due()
@@ -227,9 +227,9 @@ def test_a_disk_that_refuses_ends_the_action_and_leaves_no_half_file(
 
 def test_what_a_crash_left_half_written_is_cleared_and_what_is_whole_stays(tmp_path: Path) -> None:
     data, folder = b"whole", tmp_path / "files" / "line"
-    Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    ActionFiles(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
     (folder / ".half").write_bytes(b"wh")
-    again = Files(folder)
+    again = ActionFiles(folder)
     assert [one.path.read_bytes() for one in again.waiting()] == [data]
     assert [path.name for path in folder.iterdir() if path.name.startswith(".")] == []
     assert len(WaitingFiles(tmp_path / "files").waiting()) == 1
@@ -239,7 +239,7 @@ def test_a_stray_name_does_not_hide_the_files_that_wait(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     data, folder = b"whole", tmp_path / "files" / "line"
-    files = Files(folder)
+    files = ActionFiles(folder)
     (folder / "a.b.c").write_bytes(b"x")
     (folder / "README").write_bytes(b"x")
     files.keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
@@ -280,7 +280,7 @@ def test_a_file_whose_device_tells_an_odd_media_type_is_named_all_the_same(cell:
         DataFile(name=f"{place}", format="none", data=kind.encode(), media_type=kind)
         for place, kind in enumerate(told)
     )
-    units = make_units([cell.device], SystemClock(), installed())
+    units = make_units([cell.device], HostClock(), installed())
     named = to_report(cast("Do", do), units[NMR], Report(files=made)).files
     assert [one.media_type for one in named] == [
         "application/octet-stream", "application/octet-stream", "chemical/x-jcamp-dx", "text/csv",

@@ -15,7 +15,7 @@ from workers.base.signatures import is_signed
 from workers.journal.journal import Journal
 from workers.line import action_execution, line_thread
 from workers.line.action_watchdog import AbandonedActionError, HungDriverError
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 from workers.line.line_thread import LineThread
 
 
@@ -37,12 +37,12 @@ class Hang:
 
 @pytest.fixture
 def hang(monkeypatch: pytest.MonkeyPatch) -> Hang:
-    made = Hang(Unit.act)
+    made = Hang(DeviceUnit.act)
 
-    def act(unit: Unit, *known: Any) -> Any:  # noqa: ANN401 - as the driver's own
+    def act(unit: DeviceUnit, *known: Any) -> Any:  # noqa: ANN401 - as the driver's own
         return made(unit, *known)
 
-    monkeypatch.setattr(Unit, "act", act)
+    monkeypatch.setattr(DeviceUnit, "act", act)
     return made
 
 
@@ -75,13 +75,13 @@ def test_what_comes_back_within_the_grace_is_told_with_what_it_said(
     host: Host, pump: PumpProcess, hang: Hang, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(action_execution, "outer_limit_s", lambda *_: 0.2)
-    stop = Unit.stop
+    stop = DeviceUnit.stop
 
-    def come_back(unit: Unit) -> None:
+    def come_back(unit: DeviceUnit) -> None:
         stop(unit)
         hang.may_return.set()
 
-    monkeypatch.setattr(Unit, "stop", come_back)
+    monkeypatch.setattr(DeviceUnit, "stop", come_back)
     do = a_do(host.server)
     host.take(do)
     with host.executor() as executor:
@@ -131,7 +131,7 @@ def test_a_fault_of_the_watch_ends_the_process_and_leaves_the_action_to_the_next
     def fail(*_: object) -> bool:
         raise ZeroDivisionError
 
-    monkeypatch.setattr(action_execution.Act, "look", fail)
+    monkeypatch.setattr(action_execution.ActionExecution, "look", fail)
     do = a_do(host.server)
     host.take(do)
     with host.executor() as executor, pytest.raises(AbandonedActionError):
@@ -239,10 +239,10 @@ def test_a_command_that_was_changed_after_it_was_read_ahead_never_starts(
     dos = [a_do(host.server), *(a_do(host.server, resources=[], pre=[]) for _ in range(2))]
     for do in dos:
         host.take(do)
-    act = Unit.act
+    act = DeviceUnit.act
     acted: list[object] = []
 
-    def change(unit: Unit, *known: Any) -> Any:  # noqa: ANN401 - as the driver's own
+    def change(unit: DeviceUnit, *known: Any) -> Any:  # noqa: ANN401 - as the driver's own
         acted.append(known)
         if len(acted) < 2:
             return act(unit, *known)
@@ -252,7 +252,7 @@ def test_a_command_that_was_changed_after_it_was_read_ahead_never_starts(
         journal.close()
         return act(unit, *known)
 
-    monkeypatch.setattr(Unit, "act", change)
+    monkeypatch.setattr(DeviceUnit, "act", change)
     with host.executor() as executor:
         executor.drain()
     assert host.kinds(dos[2].action_id)[-1] == "rejected"

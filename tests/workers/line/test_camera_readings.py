@@ -13,23 +13,25 @@ import pytest
 
 from tests.workers.bench import Host, PumpProcess
 from tests.workers.line.test_executor import a_condition, run
-from workers.base.valkey_store import Sample, Store
+from workers.base.valkey_store import StatusSample, ValkeyStore
 
 CAMERA = uuid4()
 PICTURE = b"what the camera took"
 IMAGE = hashlib.sha256(PICTURE).hexdigest()
 
 
-def seen(store: Store, *, tag: str, confidence: float) -> None:
+def seen(store: ValkeyStore, *, tag: str, confidence: float) -> None:
     """Have a camera of another line tell what it sees."""
     store.put_picture(IMAGE, PICTURE)
     now_s = time.monotonic()
     values = {"tag_text": tag, "confidence_ratio": confidence, "image_sha256": IMAGE}
-    store.put("camera", [Sample(str(CAMERA), name, 0.0, now_s, v) for name, v in values.items()], 1)
+    store.put(
+        "camera", [StatusSample(str(CAMERA), name, 0.0, now_s, v) for name, v in values.items()], 1
+    )
 
 
 @contextlib.contextmanager
-def watched(store: Store, *, tag: str, confidence: float) -> Iterator[None]:
+def watched(store: ValkeyStore, *, tag: str, confidence: float) -> Iterator[None]:
     """Have a camera of another line look again and again, as it does."""
     is_over = threading.Event()
 
@@ -60,7 +62,7 @@ VISION = a_condition(
 
 
 def test_a_camera_that_sees_the_tag_lets_a_transfer_start_and_keeps_its_image(
-    host: Host, store: Store, pump: PumpProcess
+    host: Host, store: ValkeyStore, pump: PumpProcess
 ) -> None:
     confirm = {**VISION, "timeout_s": 5.0}
     with watched(store, tag="VIAL-7", confidence=0.97):
@@ -75,7 +77,7 @@ def test_a_camera_that_sees_the_tag_lets_a_transfer_start_and_keeps_its_image(
 
 @pytest.mark.parametrize(("tag", "confidence"), [("VIAL-8", 0.97), ("VIAL-7", 0.6)])
 def test_a_camera_that_sees_another_tag_or_is_not_sure_guards_a_transfer(
-    host: Host, store: Store, pump: PumpProcess, tag: str, confidence: float
+    host: Host, store: ValkeyStore, pump: PumpProcess, tag: str, confidence: float
 ) -> None:
     seen(store, tag=tag, confidence=confidence)
     action_id = run(host, store, pre=[VISION])
@@ -84,7 +86,7 @@ def test_a_camera_that_sees_another_tag_or_is_not_sure_guards_a_transfer(
 
 
 def test_a_picture_from_before_the_act_confirms_nothing(
-    host: Host, store: Store, pump: PumpProcess
+    host: Host, store: ValkeyStore, pump: PumpProcess
 ) -> None:
     seen(store, tag="VIAL-7", confidence=0.97)
     action_id = run(host, store, pre=[VISION], post=[VISION])
@@ -93,7 +95,7 @@ def test_a_picture_from_before_the_act_confirms_nothing(
 
 
 def test_what_may_stay_unconfirmed_is_complete_and_says_that_nobody_saw_it(
-    host: Host, store: Store, pump: PumpProcess
+    host: Host, store: ValkeyStore, pump: PumpProcess
 ) -> None:
     action_id = run(host, store, post=[{**VISION, "may_stay_unconfirmed": True}])
     assert host.state(action_id) == "complete"
@@ -116,7 +118,7 @@ MASS = a_condition(
 
 
 @contextlib.contextmanager
-def weighing(store: Store, *, is_stable: bool) -> Iterator[None]:
+def weighing(store: ValkeyStore, *, is_stable: bool) -> Iterator[None]:
     """Have a balance of another line tell its mass again and again."""
     is_over = threading.Event()
 
@@ -124,7 +126,9 @@ def weighing(store: Store, *, is_stable: bool) -> Iterator[None]:
         while True:
             now_s = time.monotonic()
             values = {"mass_mg": 100.0, "is_stable": is_stable}
-            rows = [Sample(str(CAMERA), name, 0.0, now_s, value) for name, value in values.items()]
+            rows = [
+                StatusSample(str(CAMERA), name, 0.0, now_s, value) for name, value in values.items()
+            ]
             store.put("balance", rows, 1)
             if is_over.wait(0.05):
                 return
@@ -139,7 +143,7 @@ def weighing(store: Store, *, is_stable: bool) -> Iterator[None]:
 
 
 def test_a_balance_that_never_settles_leaves_the_transfer_in_doubt(
-    host: Host, store: Store, pump: PumpProcess
+    host: Host, store: ValkeyStore, pump: PumpProcess
 ) -> None:
     with weighing(store, is_stable=False):
         action_id = run(host, store, post=[MASS])
@@ -150,7 +154,7 @@ def test_a_balance_that_never_settles_leaves_the_transfer_in_doubt(
 
 
 def test_a_transfer_is_not_begun_when_its_balance_cannot_be_read(
-    host: Host, store: Store, pump: PumpProcess
+    host: Host, store: ValkeyStore, pump: PumpProcess
 ) -> None:
     action_id = run(host, store, post=[MASS])
     assert host.state(action_id) == "rejected"
@@ -162,11 +166,13 @@ def test_a_transfer_is_not_begun_when_its_balance_cannot_be_read(
 
 
 def test_a_verdict_whose_picture_is_gone_tells_nothing(
-    host: Host, store: Store, pump: PumpProcess
+    host: Host, store: ValkeyStore, pump: PumpProcess
 ) -> None:
     now_s = time.monotonic()
     values = {"tag_text": "VIAL-7", "confidence_ratio": 0.97, "image_sha256": "cd" * 32}
-    store.put("camera", [Sample(str(CAMERA), name, 0.0, now_s, v) for name, v in values.items()], 1)
+    store.put(
+        "camera", [StatusSample(str(CAMERA), name, 0.0, now_s, v) for name, v in values.items()], 1
+    )
     action_id = run(host, store, pre=[VISION])
     assert host.state(action_id) == "rejected"
     assert pump.moves == []

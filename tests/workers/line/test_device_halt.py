@@ -32,11 +32,11 @@ from tests.workers.bench import (
     until,
 )
 from tests.workers.line.crashing import accept_and_drain
-from workers.base.system_clock import SystemClock
+from workers.base.system_clock import HostClock
 from workers.journal.journal import Journal
 from workers.line import device_halt
 from workers.line.device_halt import LateHalts
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 from workers.line.line_process import make_units
 from workers.uplink.session import latch_stop, open_session
 
@@ -66,7 +66,7 @@ def killed(host: Host, pump: PumpProcess) -> Do:
 
 def volume_ul(host: Host) -> float:
     """Ask the pump over a line of its own where its plunger stands."""
-    unit = make_units([host.device], SystemClock(), installed())[DEVICE_ID]
+    unit = make_units([host.device], HostClock(), installed())[DEVICE_ID]
     unit.connect_if_due()
     try:
         return float(unit.read("volume_ul"))
@@ -122,14 +122,14 @@ def test_a_device_that_cannot_be_reached_may_still_move_and_the_doubt_says_so(
     assert "halted" not in host.kinds(), "nothing was halted, so nothing is unknown by that"
 
 
-def is_reached(unit: Unit) -> bool:
+def is_reached(unit: DeviceUnit) -> bool:
     unit.connect_if_due()
     return unit.is_online
 
 
 def late_halts(host: Host, woken: list[str]) -> LateHalts:
     return LateHalts(
-        host.units, SystemClock(), lambda: Journal(host.path), lambda: woken.append("line")
+        host.units, HostClock(), lambda: Journal(host.path), lambda: woken.append("line")
     )
 
 
@@ -177,7 +177,7 @@ def test_a_device_that_answers_only_later_is_halted_then_and_nothing_starts_on_i
     assert event.body["action_id"] == str(do.action_id)
 
 
-def refuse(_: Unit | None) -> None:
+def refuse(_: DeviceUnit | None) -> None:
     raise DeviceError("busy")
 
 
@@ -188,14 +188,14 @@ def test_a_halt_that_a_device_refuses_stays_owed(
     monkeypatch.setattr(device_halt, "AGAIN_S", 0.0)
     with host.executor():
         pass
-    refused: list[Unit | None] = []
+    refused: list[DeviceUnit | None] = []
 
-    def refuse_again(unit: Unit | None) -> None:
+    def refuse_again(unit: DeviceUnit | None) -> None:
         refused.append(unit)
         refuse(unit)
 
     with monkeypatch.context() as refusing:
-        refusing.setattr(Unit, "halt", refuse_again)
+        refusing.setattr(DeviceUnit, "halt", refuse_again)
         with host.journal.write() as tx:
             owe_halt(tx, DEVICE_ID, "edge.interrupted", None)
         with host.executor():
@@ -286,7 +286,7 @@ def test_a_cancel_that_a_device_may_not_have_heard_is_owed_until_it_answers_a_qu
 
 
 @pytest.fixture
-def plate() -> Iterator[tuple[Bench, Case, Unit]]:
+def plate() -> Iterator[tuple[Bench, Case, DeviceUnit]]:
     """Connect a stirring plate, which answers questions and no command."""
     case = HEATER_STIRRERS[0]
     spec = read_spec(case.dotted)
@@ -299,27 +299,27 @@ def plate() -> Iterator[tuple[Bench, Case, Unit]]:
             config=case.config,
             statuses={"speed_rpm": 1.0, "temperature_c": 1.0},
         )
-        (unit,) = make_units([device], SystemClock(), installed()).values()
+        (unit,) = make_units([device], HostClock(), installed()).values()
         until(lambda: is_reached(unit))
         yield bench, case, unit
         unit.close()
 
 
 def test_a_device_that_answers_no_command_counts_as_halted_only_when_it_answers_a_question(
-    plate: tuple[Bench, Case, Unit], monkeypatch: pytest.MonkeyPatch
+    plate: tuple[Bench, Case, DeviceUnit], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench, case, unit = plate
     monkeypatch.setattr(device_halt, "STAND_S", 0.6)
     call_action(unit.driver, "stir", {"speed_rpm": 300.0})
     bench.inflict(case, "no_answer")
-    found = device_halt.halt_and_look(unit, SystemClock())
+    found = device_halt.halt_and_look(unit, HostClock())
     assert (found.is_halted, found.is_owed) == (True, True)
     assert found.text == "its device may still move: it was told to halt, and does not answer"
     assert not unit.is_online
     bench.cure(case)
     until(lambda: is_reached(unit))
     monkeypatch.undo()
-    found = device_halt.halt_and_look(unit, SystemClock())
+    found = device_halt.halt_and_look(unit, HostClock())
     assert (found.is_halted, found.is_owed) == (True, False)
     assert found.text == "its device was halted, and stands"
 

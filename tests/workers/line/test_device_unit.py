@@ -9,8 +9,8 @@ import pytest
 
 from labweb.domain.errors import UnreachableError
 from tests.workers.bench import PumpProcess, a_device, installed
-from workers.base.system_clock import SystemClock
-from workers.line.device_unit import Unit
+from workers.base.system_clock import HostClock
+from workers.line.device_unit import DeviceUnit
 from workers.line.line_process import make_units
 
 
@@ -18,7 +18,7 @@ from workers.line.line_process import make_units
 def unit(tmp_path: Path) -> Any:  # noqa: ANN401 - a generator of the unit
     pump = PumpProcess(tmp_path)
     device = a_device(pump.url)
-    (found,) = make_units([device], SystemClock(), installed()).values()
+    (found,) = make_units([device], HostClock(), installed()).values()
     yield found
     found.close()
     pump.end()
@@ -29,7 +29,7 @@ def unreachable() -> None:
 
 
 def test_a_halt_that_could_not_be_delivered_is_as_soon_as_the_device_is_reached(
-    unit: Unit, monkeypatch: pytest.MonkeyPatch
+    unit: DeviceUnit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     halts: list[str] = []
     with monkeypatch.context() as away:
@@ -42,7 +42,7 @@ def test_a_halt_that_could_not_be_delivered_is_as_soon_as_the_device_is_reached(
 
 
 def test_a_device_that_may_act_again_is_not_halted(
-    unit: Unit, monkeypatch: pytest.MonkeyPatch
+    unit: DeviceUnit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     halts: list[str] = []
     with monkeypatch.context() as away:

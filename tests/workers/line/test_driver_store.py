@@ -16,9 +16,9 @@ from labweb.domain.enrollment.bundle import digest_of, encode_bundle
 from labweb.domain.errors import ConformanceError
 from labweb.domain.messages import Devices, DriverApproval, DriverPart, Signed
 from tests.workers.bench import Host, Server, a_device
-from workers.line.driver_reports import Serving, tell_once
-from workers.line.driver_store import Drivers, DriverStore
-from workers.uplink.driver_download import Fetching
+from workers.line.driver_reports import ServingReport, tell_once
+from workers.line.driver_store import DriverLoader, DriverStore
+from workers.uplink.driver_download import DriverDownload
 from workers.uplink.session import take_devices
 
 TIMER = "drivers.virtual.timer"
@@ -49,7 +49,7 @@ def test_a_bundle_is_kept_and_a_device_is_served_from_it(tmp_path: Path) -> None
     device = a_device(
         "virtual:t", module=TIMER, class_name="HostTimer", digest=digest, config={}, statuses={}
     )
-    driver = Drivers(store, server.keys).load(device, VirtualTransport("virtual:t"))
+    driver = DriverLoader(store, server.keys).load(device, VirtualTransport("virtual:t"))
     assert driver.spec is not None
     assert driver.spec.digest == digest
     assert store.path(digest).stat().st_mode & 0o077 == 0
@@ -140,7 +140,7 @@ def parts(server: Server, data: bytes, digest: str, size: int = 400) -> list[Dri
 
 
 @pytest.fixture
-def staged(host: Host, tmp_path: Path) -> tuple[Host, Fetching, DriverStore, str]:
+def staged(host: Host, tmp_path: Path) -> tuple[Host, DriverDownload, DriverStore, str]:
     """A host that is to make a version of the timer ready."""
     digest = digest_of(version())
     device = a_device(
@@ -148,28 +148,28 @@ def staged(host: Host, tmp_path: Path) -> tuple[Host, Fetching, DriverStore, str
     )
     take_devices(host.journal, Devices(epoch=1, devices=[host.device], staged=[device]))
     store = DriverStore(tmp_path / "drivers")
-    return host, Fetching(host.journal, store), store, digest
+    return host, DriverDownload(host.journal, store), store, digest
 
 
 def test_what_is_missing_is_fetched_in_pieces(
-    staged: tuple[Host, Fetching, DriverStore, str],
+    staged: tuple[Host, DriverDownload, DriverStore, str],
 ) -> None:
-    host, fetching, store, digest = staged
-    assert fetching.missing() == [digest]
+    host, download, store, digest = staged
+    assert download.missing() == [digest]
     for part in parts(host.server, encode_bundle(version()), digest):
         assert not store.has(digest)
-        fetching.take(part)
+        download.take(part)
     assert store.read(digest, host.server.keys) == version()
-    assert fetching.missing() == []
+    assert download.missing() == []
     assert "driver_refused" not in host.kinds()
 
 
 def test_a_source_that_was_changed_on_its_way_is_refused_and_told(
-    staged: tuple[Host, Fetching, DriverStore, str],
+    staged: tuple[Host, DriverDownload, DriverStore, str],
 ) -> None:
-    host, fetching, store, digest = staged
+    host, download, store, digest = staged
     for part in parts(host.server, encode_bundle(version("twp")), digest):
-        fetching.take(part)
+        download.take(part)
     assert not store.has(digest)
     (event,) = [one for one in host.events() if one.kind == "driver_refused"]
     assert event.body["code"] == "driver.digest"
@@ -178,21 +178,21 @@ def test_a_source_that_was_changed_on_its_way_is_refused_and_told(
 
 @pytest.mark.parametrize("order", [[1], [0, 2], [0, 0, 2]])
 def test_pieces_out_of_order_are_refused(
-    staged: tuple[Host, Fetching, DriverStore, str], order: list[int]
+    staged: tuple[Host, DriverDownload, DriverStore, str], order: list[int]
 ) -> None:
-    host, fetching, store, digest = staged
+    host, download, store, digest = staged
     pieces = parts(host.server, encode_bundle(version()), digest)
     for index in order:
-        fetching.take(pieces[index])
+        download.take(pieces[index])
     assert not store.has(digest)
     assert host.kinds()[-1] == "driver_refused"
 
 
 def test_what_the_server_does_not_give_is_told(
-    staged: tuple[Host, Fetching, DriverStore, str],
+    staged: tuple[Host, DriverDownload, DriverStore, str],
 ) -> None:
-    host, fetching, _, digest = staged
-    fetching.take(DriverPart(digest=digest, problem="no approved driver"))
+    host, download, _, digest = staged
+    download.take(DriverPart(digest=digest, problem="no approved driver"))
     assert "no approved driver" in host.events()[-1].body["message"]
 
 
@@ -203,7 +203,7 @@ def test_only_a_digest_names_a_file(tmp_path: Path, name: str) -> None:
 
 
 def test_which_version_serves_is_told_in_each_session_and_when_it_changes(host: Host) -> None:
-    serving, device = Serving(host.journal), host.device
+    serving, device = ServingReport(host.journal), host.device
     assert serving.news(1) == {}
     tell_once(host.journal, device, "driver_serving")
     assert serving.news(1) == {str(device.id): device.digest}

@@ -28,7 +28,7 @@ from tests.workers.bench import (
     a_syringe,
     plain,
 )
-from workers.base.valkey_store import Sample, Store
+from workers.base.valkey_store import StatusSample, ValkeyStore
 from workers.line import action_execution, device_unit
 from workers.line.action_watchdog import AbandonedActionError
 from workers.uplink.session import latch_stop
@@ -41,7 +41,7 @@ def a_condition(**changes: Any) -> dict[str, Any]:  # noqa: ANN401 - any field
     return plain(msgspec.structs.replace(known, **changes))
 
 
-def run(host: Host, store: Store | None = None, **changes: Any) -> UUID:  # noqa: ANN401 - any field
+def run(host: Host, store: ValkeyStore | None = None, **changes: Any) -> UUID:  # noqa: ANN401 - any field
     """Accept one action with these fields, and carry it out."""
     do = a_do(host.server, **changes)
     host.take(do)
@@ -182,28 +182,30 @@ def test_an_action_waits_for_a_device_that_is_offline(host: Host, pump: PumpProc
     assert host.kinds(action_id) == ["accepted"]
 
 
-def test_a_reading_of_another_line_counts_only_while_it_is_fresh(host: Host, store: Store) -> None:
+def test_a_reading_of_another_line_counts_only_while_it_is_fresh(
+    host: Host, store: ValkeyStore
+) -> None:
     balance = uuid4()
     pre = [a_condition(device_id=balance, status="is_stable", equals=True)]
     now_s = time.monotonic()
-    store.put("other", [Sample(str(balance), "is_stable", 0.0, now_s - 60.0, True)], 1)
+    store.put("other", [StatusSample(str(balance), "is_stable", 0.0, now_s - 60.0, True)], 1)
     assert host.state(run(host, store, pre=pre)) == "rejected"
     now_s = time.monotonic()
-    store.put("other", [Sample(str(balance), "is_stable", 0.0, now_s, True)], 2)
+    store.put("other", [StatusSample(str(balance), "is_stable", 0.0, now_s, True)], 2)
     assert host.state(run(host, store, pre=pre)) == "complete"
 
 
 def test_what_another_line_told_before_the_question_refuses_nothing(
-    host: Host, store: Store
+    host: Host, store: ValkeyStore
 ) -> None:
     """A valve that was turned a moment ago: its line has told where it stood before."""
     valve = uuid4()
     pre = [a_condition(device_id=valve, status="port_index", equals=7)]
-    store.put("other", [Sample(str(valve), "port_index", 0.0, time.monotonic(), 1)], 1)
+    store.put("other", [StatusSample(str(valve), "port_index", 0.0, time.monotonic(), 1)], 1)
 
     def tell() -> None:
         time.sleep(0.5)
-        store.put("other", [Sample(str(valve), "port_index", 0.0, time.monotonic(), 7)], 2)
+        store.put("other", [StatusSample(str(valve), "port_index", 0.0, time.monotonic(), 7)], 2)
 
     telling = threading.Thread(target=tell)
     telling.start()
@@ -321,10 +323,10 @@ def test_after_the_watchdog_and_a_person_s_answer_the_device_works_again(
     assert host.state(later.action_id) == "complete"
 
 
-def test_a_text_where_a_number_is_wanted_is_not_observable(host: Host, store: Store) -> None:
+def test_a_text_where_a_number_is_wanted_is_not_observable(host: Host, store: ValkeyStore) -> None:
     other = uuid4()
     pre = [a_condition(device_id=other, status="mode", low=1.0)]
-    store.put("other", [Sample(str(other), "mode", 0.0, time.monotonic(), "idle")], 1)
+    store.put("other", [StatusSample(str(other), "mode", 0.0, time.monotonic(), "idle")], 1)
     action_id = run(host, store, pre=pre)
     assert host.state(action_id) == "rejected"
     assert host.last(action_id)["pre"][0]["verdict"] == "unobservable"
@@ -359,9 +361,9 @@ def test_a_row_whose_text_was_changed_in_the_journal_never_starts(
 
 
 def test_start_and_answer_keep_versions_and_readings_with_their_age(
-    host: Host, store: Store
+    host: Host, store: ValkeyStore
 ) -> None:
-    sample = Sample(str(DEVICE_ID), "volume_ul", 0.0, time.monotonic() - 2.0, 12.5)
+    sample = StatusSample(str(DEVICE_ID), "volume_ul", 0.0, time.monotonic() - 2.0, 12.5)
     store.put("line", [sample], 1)
     action_id = run(host, store)
     bodies = {one.kind: one.body for one in host.events() if one.action_id == action_id}
@@ -375,7 +377,7 @@ def test_start_and_answer_keep_versions_and_readings_with_their_age(
 
 
 def test_a_lost_store_stops_no_action(host: Host) -> None:
-    action_id = run(host, Store("unix:///nowhere/valkey.sock"))
+    action_id = run(host, ValkeyStore("unix:///nowhere/valkey.sock"))
     assert host.state(action_id) == "complete"
     started = next(one for one in host.events() if one.kind == "started")
     assert started.body["context"]["environment"] == []

@@ -17,10 +17,10 @@ from labweb.domain.runs.stands import Stands, put_stands, read_stands
 from tests.drivers.conformance.cases import HEATER_STIRRERS
 from tests.drivers.conformance.placed_models import SPEED, Bench, Case, running
 from tests.workers.bench import DEVICE_ID, Host, a_device, installed
-from workers.base.system_clock import SystemClock
+from workers.base.system_clock import HostClock
 from workers.journal.journal import Journal
-from workers.line.device_unit import Unit
-from workers.line.held_state_monitor import Vigil
+from workers.line.device_unit import DeviceUnit
+from workers.line.held_state_monitor import HeldStateMonitor
 from workers.line.line_process import make_units
 from workers.line.status_sampling import Sampler
 
@@ -51,14 +51,16 @@ class Watching:
             statuses={one.name: one.every_s for one in spec.statuses},
         )
         self.device = msgspec.structs.replace(self.device, nodes={"plate": NODE})
-        self.clock = SystemClock()
+        self.clock = HostClock()
         self.units = make_units([self.device], self.clock, installed(), pace=SPEED)
-        self.vigil = Vigil(self.units, lambda: Journal(host.path), self.clock, pace=SPEED)
-        self.sampler = Sampler(host.line, self.units, None, self.clock, self.vigil)
+        self.monitor = HeldStateMonitor(
+            self.units, lambda: Journal(host.path), self.clock, pace=SPEED
+        )
+        self.sampler = Sampler(host.line, self.units, None, self.clock, self.monitor)
         self.sampler.sample_once()
 
     @property
-    def unit(self) -> Unit:
+    def unit(self) -> DeviceUnit:
         return self.units[self.device.id]
 
     def complete(self, action: str, args: dict[str, float]) -> None:
@@ -83,7 +85,7 @@ class Watching:
     def close(self) -> None:
         self.unit.stop()
         self.unit.close()
-        self.vigil.close()
+        self.monitor.close()
 
 
 @pytest.fixture
@@ -152,8 +154,8 @@ def test_readings_that_show_whether_something_stands_are_taken_more_often(
 ) -> None:
     line.complete("stir", {"speed_rpm": 400.0})
     line.sample_for(20.0)
-    assert line.vigil.period_s(line.unit, "speed_setpoint_rpm", 30.0) == 0.2
-    assert line.vigil.period_s(line.unit, "temperature_c", 30.0) == 30.0
+    assert line.monitor.period_s(line.unit, "speed_setpoint_rpm", 30.0) == 0.2
+    assert line.monitor.period_s(line.unit, "temperature_c", 30.0) == 30.0
 
 
 def test_what_an_action_of_the_same_sort_does_meanwhile_is_no_loss(line: Watching) -> None:

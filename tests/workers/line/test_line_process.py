@@ -11,13 +11,13 @@ from uuid import uuid4
 from labweb.domain.messages import StopLab
 from tests.workers.bench import HOST_ID, Host, PumpProcess, a_do, until
 from workers.base.config import HostConfig, ValkeyConfig
-from workers.line.line_process import Line, StopWatch
+from workers.line.line_process import LineProcess, StopWatch
 from workers.uplink.session import latch_stop
 
 EVERY_S = 0.01
 
 
-def a_line(host: Host, valkey_socket: Path, stop_grace_s: float = 2.0) -> Line:
+def a_line(host: Host, valkey_socket: Path, stop_grace_s: float = 2.0) -> LineProcess:
     config = HostConfig(
         host_id=HOST_ID,
         name="bench",
@@ -27,7 +27,7 @@ def a_line(host: Host, valkey_socket: Path, stop_grace_s: float = 2.0) -> Line:
         valkey=ValkeyConfig(socket=str(valkey_socket)),
         stop_grace_s=stop_grace_s,
     )
-    line = Line(config, host.line)
+    line = LineProcess(config, host.line)
     line.start()
     (unit,) = line.units.values()
     until(lambda: unit.is_online)

@@ -10,7 +10,7 @@ import pytest
 from celery import Celery
 
 from workers.base.config import line_queue
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.base.wake_pipe import hang, ring
 from workers.line import line_wakeup
 from workers.line.line_wakeup import attend, waker
@@ -36,14 +36,14 @@ def wake_line(
 
 
 def test_a_line_that_sleeps_is_sent_a_message(
-    store: Store, wake_line: Callable[[str], None]
+    store: ValkeyStore, wake_line: Callable[[str], None]
 ) -> None:
     wake_line(LINE)
     assert store.queue_length(line_queue(LINE)) == 1
 
 
 def test_a_line_that_listens_drains_again_for_each_ring_and_gets_no_message(
-    store: Store, bell: Path, wake_line: Callable[[str], None]
+    store: ValkeyStore, bell: Path, wake_line: Callable[[str], None]
 ) -> None:
     drains: list[int] = []
 
@@ -58,7 +58,7 @@ def test_a_line_that_listens_drains_again_for_each_ring_and_gets_no_message(
 
 
 def test_what_comes_before_it_listens_is_found_without_the_message(
-    store: Store, bell: Path, wake_line: Callable[[str], None]
+    store: ValkeyStore, bell: Path, wake_line: Callable[[str], None]
 ) -> None:
     """The worker takes no message before it returns: it has to look once it listens."""
     waiting = ["first"]

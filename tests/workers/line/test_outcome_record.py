@@ -6,7 +6,7 @@ import pytest
 
 from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import Host, PumpProcess, a_do
-from workers.base.disk_space import is_short, told_of
+from workers.base.disk_space import disk_space_of, is_short
 from workers.journal.journal import Journal
 from workers.line import outcome_record
 from workers.line.action_watchdog import AbandonedActionError
@@ -17,15 +17,15 @@ REFUSALS = 5
 def refuse_outcomes(patch: pytest.MonkeyPatch, count: int) -> list[int]:
     """Let the disk refuse so many writes of what came of an action."""
     refused: list[int] = []
-    real = outcome_record.Outcomes._write_end
+    real = outcome_record.OutcomeRecord._write_end
 
-    def write(self: outcome_record.Outcomes, *rest: object) -> object:
+    def write(self: outcome_record.OutcomeRecord, *rest: object) -> object:
         if len(refused) < count:
             refused.append(1)
             raise JournalError("the journal cannot be used: database or disk is full")
         return real(self, *rest)  # type: ignore[arg-type]
 
-    patch.setattr(outcome_record.Outcomes, "_write_end", write)
+    patch.setattr(outcome_record.OutcomeRecord, "_write_end", write)
     patch.setattr(outcome_record, "LAST_WRITE_TRIES", 2)
     patch.setattr(outcome_record, "LAST_WRITE_PAUSE_S", 0.001)
     return refused
@@ -57,7 +57,7 @@ def test_an_outcome_that_a_disk_with_room_refuses_is_given_up(
 
 def test_what_is_told_of_a_disk_is_what_the_system_says(host: Host) -> None:
     journal: Journal = host.journal
-    told = told_of(journal.path.parent)
+    told = disk_space_of(journal.path.parent)
     assert 0 < told["disk_free_bytes"] <= told["disk_total_bytes"]
     assert not told["is_disk_read_only"]
     assert not is_short(journal.path.parent)

@@ -33,10 +33,10 @@ from tests.workers.bench import (
     plain,
     until,
 )
-from workers.base.system_clock import SystemClock
+from workers.base.system_clock import HostClock
 from workers.journal.journal import Journal
-from workers.line.action_execution import Acted
-from workers.line.action_files import Files
+from workers.line.action_execution import ActionResult
+from workers.line.action_files import ActionFiles
 from workers.line.executor import Executor
 from workers.line.line_process import make_units
 from workers.uplink.session import open_session
@@ -111,7 +111,7 @@ class Lines:
         line = line_key(self.devices[device_id].transport)
         self.end(line)
         served = [one for one in self.devices.values() if line_key(one.transport) == line]
-        journal, clock = Journal(self.host.path), SystemClock()
+        journal, clock = Journal(self.host.path), HostClock()
         units = make_units(served, clock, installed())
         made = Executor(
             journal,
@@ -119,7 +119,7 @@ class Lines:
             units,
             store=None,
             clock=clock,
-            files=Files(self.host.folder / "files" / str(device_id)),
+            files=ActionFiles(self.host.folder / "files" / str(device_id)),
         )
         made.recover()
         for unit in units.values():
@@ -360,7 +360,7 @@ def test_a_receiver_whose_giver_has_failed_sends_no_byte(
         until(lambda: lines.host.state(lines.giver.action_id) == "aborted")
         seal_up(journal)
 
-    monkeypatch.setattr(first._watch, "carry_out_all", lambda pairs: [Acted(refused)])
+    monkeypatch.setattr(first._watch, "carry_out_all", lambda pairs: [ActionResult(refused)])
     monkeypatch.setattr(Journal, "seal_up", late)
     second = lines.executor(SECOND_ID)
     threads = [threading.Thread(target=one.drain) for one in (first, second)]

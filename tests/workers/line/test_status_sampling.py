@@ -19,15 +19,15 @@ from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device,
 from workers.base.config import HostConfig, ValkeyConfig
 from workers.base.host_lock import lock_host
 from workers.base.signatures import load_key
-from workers.base.system_clock import SystemClock
-from workers.base.valkey_store import Store
+from workers.base.system_clock import HostClock
+from workers.base.valkey_store import ValkeyStore
 from workers.host.__main__ import main
 from workers.journal.journal import Journal, create_journal
 from workers.journal.journal_reset import reset_journal
 from workers.line import line_process
-from workers.line.condition_readings import Reader
+from workers.line.condition_readings import ConditionReader
 from workers.line.device_halt import LateHalts
-from workers.line.device_unit import Unit
+from workers.line.device_unit import DeviceUnit
 from workers.line.line_process import StopWatch, make_units
 from workers.line.status_sampling import Sampler
 from workers.uplink.session import latch_stop
@@ -46,10 +46,10 @@ def a_config(folder: Path, valkey_socket: Path) -> HostConfig:
 
 
 def test_each_status_is_sampled_and_kept_as_latest_value(
-    host: Host, pump: PumpProcess, store: Store
+    host: Host, pump: PumpProcess, store: ValkeyStore
 ) -> None:
-    units = make_units([host.device], SystemClock(), installed())
-    sampler = Sampler(host.line, units, store, SystemClock())
+    units = make_units([host.device], HostClock(), installed())
+    sampler = Sampler(host.line, units, store, HostClock())
     samples = sampler.sample_once()
     assert {one.status for one in samples} == {"volume_ul", "port_index"}
     latest = store.latest(DEVICE_ID, "port_index")
@@ -60,18 +60,18 @@ def test_each_status_is_sampled_and_kept_as_latest_value(
 
 
 def test_another_line_sees_at_once_how_an_act_has_left_a_device(
-    host: Host, pump: PumpProcess, store: Store
+    host: Host, pump: PumpProcess, store: ValkeyStore
 ) -> None:
-    clock = SystemClock()
+    clock = HostClock()
     units = make_units([host.device], clock, installed())
     Sampler(host.line, units, store, clock).sample_once()
     at_port = Condition(name="at", device_id=DEVICE_ID, status="port_index", equals=3)
-    elsewhere = Reader({}, store, clock)
+    elsewhere = ConditionReader({}, store, clock)
     assert elsewhere.read([at_port]) == {(DEVICE_ID, "port_index"): 1}
     units[DEVICE_ID].act("select_port", {"port_index": 3})
     assert elsewhere.read([at_port]) == {(DEVICE_ID, "port_index"): 1}
     batches = store.last_key()
-    judged = Reader(units, store, clock).await_all([at_port], {}, is_over=lambda: False)
+    judged = ConditionReader(units, store, clock).await_all([at_port], {}, is_over=lambda: False)
     assert judged is not None
     assert [result.verdict for _, result in judged] == [Verdict.PASS]
     assert elsewhere.read([at_port]) == {(DEVICE_ID, "port_index"): 3}
@@ -81,8 +81,8 @@ def test_another_line_sees_at_once_how_an_act_has_left_a_device(
 
 def test_a_silent_device_goes_offline_and_comes_back(host: Host, pump: PumpProcess) -> None:
     device = msgspec.structs.replace(host.device, statuses={"port_index": 0.05})
-    units = make_units([device], SystemClock(), installed())
-    sampler = Sampler(host.line, units, None, SystemClock())
+    units = make_units([device], HostClock(), installed())
+    sampler = Sampler(host.line, units, None, HostClock())
     sampler.start()
     unit = units[DEVICE_ID]
     until(lambda: unit.is_online)
@@ -107,12 +107,12 @@ def test_a_device_that_cannot_tell_stays_online_and_leaves_a_gap() -> None:
             config={},
             statuses={"port_index": 0.01},
         )
-        units = make_units([device], SystemClock(), installed())
+        units = make_units([device], HostClock(), installed())
         unit = units[DEVICE_ID]
-        sampler = Sampler(unit.line, units, None, SystemClock())
+        sampler = Sampler(unit.line, units, None, HostClock())
         for _ in range(5):
             assert list(sampler.sample_once()) == []
-            SystemClock().wait(0.02)
+            HostClock().wait(0.02)
         assert unit.is_online
         unit.close()
 
@@ -120,9 +120,9 @@ def test_a_device_that_cannot_tell_stays_online_and_leaves_a_gap() -> None:
 def test_a_valkey_that_is_away_costs_samples_and_nothing_else(
     host: Host, pump: PumpProcess
 ) -> None:
-    away = Store("unix:///nowhere/at/all?db=0")
-    units = make_units([host.device], SystemClock(), installed())
-    sampler = Sampler(host.line, units, away, SystemClock())
+    away = ValkeyStore("unix:///nowhere/at/all?db=0")
+    units = make_units([host.device], HostClock(), installed())
+    sampler = Sampler(host.line, units, away, HostClock())
     assert len(sampler.sample_once()) == 2
     assert away.latest(DEVICE_ID, "port_index") is None
     assert not away.announce_stop(host.line)
@@ -132,7 +132,7 @@ def test_a_valkey_that_is_away_costs_samples_and_nothing_else(
 def test_the_latch_stops_every_device_and_its_release_frees_them(
     host: Host, pump: PumpProcess, valkey_socket: Path
 ) -> None:
-    units = make_units([host.device], SystemClock(), installed())
+    units = make_units([host.device], HostClock(), installed())
     unit = units[DEVICE_ID]
     unit.connect_if_due()
     watch = a_watch(host, valkey_socket, units)
@@ -146,8 +146,8 @@ def test_the_latch_stops_every_device_and_its_release_frees_them(
     unit.close()
 
 
-def a_watch(host: Host, valkey_socket: Path, units: dict[UUID, Unit]) -> StopWatch:
-    late = LateHalts(units, SystemClock(), lambda: Journal(host.path), lambda: None)
+def a_watch(host: Host, valkey_socket: Path, units: dict[UUID, DeviceUnit]) -> StopWatch:
+    late = LateHalts(units, HostClock(), lambda: Journal(host.path), lambda: None)
     config = a_config(host.folder, valkey_socket)
     return StopWatch(config, host.line, units, threading.Event(), late)
 
@@ -155,7 +155,7 @@ def a_watch(host: Host, valkey_socket: Path, units: dict[UUID, Unit]) -> StopWat
 def test_a_device_that_a_stop_has_not_reached_is_halted_after_the_reset_before_it_acts(
     host: Host, pump: PumpProcess, valkey_socket: Path
 ) -> None:
-    units = make_units([host.device], SystemClock(), installed())
+    units = make_units([host.device], HostClock(), installed())
     unit = units[DEVICE_ID]
     watch = a_watch(host, valkey_socket, units)
     watch.start()
@@ -177,12 +177,12 @@ def test_a_device_that_a_word_without_a_latch_has_not_reached_owes_its_halt_too(
     host: Host,
     pump: PumpProcess,
     valkey_socket: Path,
-    store: Store,
+    store: ValkeyStore,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The disk refused the latch: the word alone was heard, and the device was away."""
     monkeypatch.setattr(line_process, "BELIEVE_S", 0.5)
-    units = make_units([host.device], SystemClock(), installed())
+    units = make_units([host.device], HostClock(), installed())
     unit = units[DEVICE_ID]
     watch = a_watch(host, valkey_socket, units)
     watch.start()

@@ -30,12 +30,12 @@ from labweb.domain.messages import DeviceConfig, Do, ResourceView
 from tests.fixtures.hand_bench import a_document, a_vessel
 from tests.fixtures.running import Process
 from tests.workers.bench import HOST_ID, Server, installed, plain
-from workers.base.system_clock import SystemClock
-from workers.base.valkey_store import Store
+from workers.base.system_clock import HostClock
+from workers.base.valkey_store import ValkeyStore
 from workers.journal.command_acceptance import accept
 from workers.journal.journal import Journal, create_journal
-from workers.line.action_files import Files
-from workers.line.device_unit import Unit
+from workers.line.action_files import ActionFiles
+from workers.line.device_unit import DeviceUnit
 from workers.line.executor import Executor
 from workers.line.line_process import make_units
 from workers.line.status_sampling import Sampler
@@ -56,9 +56,9 @@ class Cell:
     journal: Journal
     server: Server
     devices: dict[UUID, DeviceConfig]
-    files: Files
-    store: Store
-    eyes: dict[UUID, Unit]
+    files: ActionFiles
+    store: ValkeyStore
+    eyes: dict[UUID, DeviceUnit]
     """The camera's line: its sampler and its executor share the devices."""
 
     def carry(self, pre: list[Condition], post: list[Condition]) -> dict[str, Any]:
@@ -94,11 +94,11 @@ class Cell:
         )  # fmt: skip
         accept(self.journal, self.server.sign(do), lambda _line: None)
         line = line_key(device.transport)
-        own = {} if device_id in self.eyes else make_units([device], SystemClock(), installed())
+        own = {} if device_id in self.eyes else make_units([device], HostClock(), installed())
         units = own or self.eyes
         executor = Executor(
             self.journal, line, units,
-            store=self.store, clock=SystemClock(), files=self.files,
+            store=self.store, clock=HostClock(), files=self.files,
         )  # fmt: skip
         for unit in units.values():
             unit.connect_if_due()
@@ -160,7 +160,7 @@ def bench() -> Iterator[Process]:
 
 @pytest.fixture
 def cell(
-    bench: Process, store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bench: Process, store: ValkeyStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[Cell]:
     """Serve arm and camera; the camera's line samples on a thread, as its process does."""
     monkeypatch.setattr(network_camera, "ANSWER_S", 3.0)
@@ -181,15 +181,17 @@ def cell(
     journal, server = Journal(path), Server()
     open_session(journal, server.welcome(*made))
     assert arm_host(journal)
-    units = make_units(made[1:], SystemClock(), installed())
-    sampler = Sampler(line_key(eye_url), units, store, SystemClock())
+    units = make_units(made[1:], HostClock(), installed())
+    sampler = Sampler(line_key(eye_url), units, store, HostClock())
     sampler.start()
     deadline_s = time.monotonic() + 20
     while any(store.latest(one, "sighting") is None for one in (SHELF_EYE, BENCH_EYE)):
         assert time.monotonic() < deadline_s, "the camera tells nothing"
         time.sleep(0.05)
     devices = {one.id: one for one in made}
-    yield Cell(bench, journal, server, devices, Files(tmp_path / "files" / "line"), store, units)
+    yield Cell(
+        bench, journal, server, devices, ActionFiles(tmp_path / "files" / "line"), store, units
+    )
     sampler.stop()
     for unit in units.values():
         unit.close()

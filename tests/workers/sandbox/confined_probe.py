@@ -19,7 +19,7 @@ import msgspec
 
 from labweb.domain.messages import DeviceConfig
 from workers.base.config import load_config
-from workers.base.wake_pipe import PlainBell, hang, ring
+from workers.base.wake_pipe import WakePipe, hang, ring
 from workers.journal.journal import Journal
 from workers.line.driver_store import DriverStore
 from workers.line.line_confinement import confine_line
@@ -76,9 +76,9 @@ def main() -> None:
         "own journal": works(lambda: write_journal(config.journal_path)),
         "own device": works(lambda: connect(own_port)),
         "code of the release": works(lambda: __import__("drivers.processing.huber_pb")),
-        "own bell": works(lambda: PlainBell(config.bell_of(line)).close()),
+        "own bell": works(lambda: WakePipe(config.bell_of(line)).close()),
         "ringing another line": works(lambda: ring_or_fail(config.bell_of(OTHER_LINE))),
-        "hearing another line's bell": works(lambda: PlainBell(config.bell_of(OTHER_LINE))),
+        "hearing another line's bell": works(lambda: WakePipe(config.bell_of(OTHER_LINE))),
         "another bell": works(lambda: hang(config.bells_path / "x")),
         "file beside the bells": works(lambda: (config.bells_path / "y").write_text("y")),
         "another driver's file": works(other_file.read_bytes),

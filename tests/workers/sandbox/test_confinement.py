@@ -27,8 +27,8 @@ from tests.workers.line.test_driver_store import approval, version
 from tests.workers.sandbox.confined_probe import OTHER_LINE
 from workers.base.config import HostConfig, ValkeyConfig, line_queue
 from workers.base.signatures import create_key
-from workers.base.wake_pipe import PlainBell, hang
-from workers.host.supervisor import Supervisor
+from workers.base.wake_pipe import WakePipe, hang
+from workers.host.supervisor import HostSupervisor
 from workers.line.driver_store import DriverStore
 from workers.line.line_confinement import bounds_of, confine_line
 from workers.sandbox import confinement
@@ -83,7 +83,7 @@ def test_a_line_reaches_what_is_its_own_and_nothing_else(
     path.write_bytes(msgspec.json.encode(config))
     own_port = int(pump.url.rpartition(":")[2])
     with (
-        closing(PlainBell(config.bell_of(OTHER_LINE))),
+        closing(WakePipe(config.bell_of(OTHER_LINE))),
         socket.create_server(("127.0.0.1", 0)) as elsewhere,
         socket.create_server(("127.0.0.2", own_port)),
     ):
@@ -189,10 +189,10 @@ def test_a_setting_decides_whether_an_unconfined_line_is_accepted(
     assert confinement.describe().startswith("unconfined")
     if accepts:
         assert confine_line(config, "x", []) is False
-        Supervisor(config, tmp_path / "host.json")
+        HostSupervisor(config, tmp_path / "host.json")
         return
     with pytest.raises(StateError) as refusal:
-        Supervisor(config, tmp_path / "host.json")
+        HostSupervisor(config, tmp_path / "host.json")
     assert refusal.value.code == "host.unconfined"
 
 

@@ -18,10 +18,10 @@ import pytest
 
 from tests.workers.bench import ROOT, environment
 from workers.sandbox import confinement, connection_proxy
-from workers.sandbox.connection_proxy import Reach, is_allowed
+from workers.sandbox.connection_proxy import AllowedConnections, is_allowed
 
 guarded = pytest.mark.skipif(
-    not confinement.has_guards(), reason="the kernel has no Landlock with ports, or asks no guard"
+    not confinement.has_proxies(), reason="the kernel has no Landlock with ports, or asks no guard"
 )
 
 LINE = """
@@ -277,7 +277,7 @@ import os, signal, socket
 from pathlib import Path
 from workers.sandbox import connection_proxy
 from workers.sandbox.confinement import Bounds, confine
-began, proxy = [], connection_proxy.Guard
+began, proxy = [], connection_proxy.ConnectionProxy
 start = proxy.start.__func__
 proxy.start = classmethod(lambda cls, reach: began.append(start(cls, reach)) or began[0])
 confine(Bounds(addresses=(("127.0.0.1", {bench.port}),), readable=(Path("/proc"),)))
@@ -327,12 +327,12 @@ def _four(host: str, port: int) -> bytes:
 def test_what_an_address_says_is_compared_with_the_socket_and_the_line(
     family: int, kind: int, raw: bytes, is_fine: bool
 ) -> None:
-    reach = Reach(frozenset({("10.0.0.7", 502)}), frozenset({("10.0.0.9", 3000)}))
+    reach = AllowedConnections(frozenset({("10.0.0.7", 502)}), frozenset({("10.0.0.9", 3000)}))
     assert is_allowed(family, kind, raw, reach) is is_fine
 
 
 def test_an_address_that_ends_early_is_refused() -> None:
-    reach = Reach(frozenset({("10.0.0.7", 502)}))
+    reach = AllowedConnections(frozenset({("10.0.0.7", 502)}))
     with pytest.raises(ValueError, match="address"):
         is_allowed(socket.AF_INET, socket.SOCK_STREAM, _four("10.0.0.7", 502)[:6], reach)
 
@@ -341,7 +341,7 @@ def test_a_kernel_that_gives_no_sockets_has_no_guards(monkeypatch: pytest.Monkey
     connection_proxy.is_possible.cache_clear()
     monkeypatch.setattr(connection_proxy, "_gives_sockets", lambda: False)
     try:
-        assert not confinement.has_guards()
+        assert not confinement.has_proxies()
         if confinement.is_possible():
             assert "may reach any address" in confinement.describe()
     finally:

@@ -26,12 +26,12 @@ from labweb.domain.messages import TryoutAsk, TryoutOrder, TryoutPart, TryoutTol
 from tests.workers.bench import HOST_ID, ROOT, Host, Server, until
 from tests.workers.sandbox.test_confinement import a_config, confining
 from tests.workers.tryouts.test_simulated_models import CHOSEN
-from workers.base.valkey_store import TRYOUT_TOLD, TRYOUT_WORDS, Store
+from workers.base.valkey_store import TRYOUT_TOLD, TRYOUT_WORDS, ValkeyStore
 from workers.journal.journal import Journal
 from workers.sandbox import confinement
 from workers.tryouts import tryout as tryouts
 from workers.tryouts import tryout_service as services
-from workers.tryouts.tryout_service import Offer, Service
+from workers.tryouts.tryout_service import StoredTryoutOffer, TryoutService
 
 pytestmark = confining
 
@@ -44,7 +44,7 @@ SIGNALS_ABI = 6
 class Tried:
     """One tryout as the server sees it, over the words that the uplink hands on."""
 
-    def __init__(self, store: Store, server: Server, module: str, **changes: Any) -> None:  # noqa: ANN401 - any field
+    def __init__(self, store: ValkeyStore, server: Server, module: str, **changes: Any) -> None:  # noqa: ANN401 - any field
         self.store, self.server = store, server
         self.modules = changes.pop("modules", None) or gather(read_source(path_of(module)))
         known = TryoutOrder(
@@ -110,14 +110,14 @@ class Tried:
 
 
 @pytest.fixture
-def offer(host: Host, store: Store) -> Iterator[Offer]:
+def offer(host: Host, store: ValkeyStore) -> Iterator[StoredTryoutOffer]:
     """A host whose service runs."""
     loop = asyncio.new_event_loop()
     running: list[asyncio.Task[None]] = []
 
     def run() -> None:
         journal = Journal(host.path)
-        running.append(loop.create_task(Service(a_config(host.folder), journal, store).run()))
+        running.append(loop.create_task(TryoutService(a_config(host.folder), journal, store).run()))
         with contextlib.suppress(asyncio.CancelledError):
             loop.run_until_complete(running[0])
         journal.close()
@@ -125,14 +125,16 @@ def offer(host: Host, store: Store) -> Iterator[Offer]:
     thread = threading.Thread(target=run)
     thread.start()
     until(store.tryout_offer, within_s=30.0)
-    yield msgspec.json.decode(store.tryout_offer(), type=Offer)
+    yield msgspec.json.decode(store.tryout_offer(), type=StoredTryoutOffer)
     loop.call_soon_threadsafe(running[0].cancel)
     thread.join(20)
     assert not thread.is_alive()
     loop.close()
 
 
-def test_a_driver_is_driven_watched_and_disturbed(host: Host, store: Store, offer: Offer) -> None:
+def test_a_driver_is_driven_watched_and_disturbed(
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer
+) -> None:
     assert "lauda_loop" in {one.model for one in offer.models}
     tried = Tried(store, host.server, LOOP, config={"settle_s": 0.0})
     assert tried.started().state == "running", tried.told
@@ -157,7 +159,9 @@ def test_a_driver_is_driven_watched_and_disturbed(host: Host, store: Store, offe
     assert tried.wait(lambda one: one.state == "ended").message == "its author ended it"
 
 
-def test_a_line_that_was_unplugged_is_found_again(host: Host, store: Store, offer: Offer) -> None:
+def test_a_line_that_was_unplugged_is_found_again(
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer
+) -> None:
     assert offer.problem == ""
     tried = Tried(store, host.server, LOOP, config={"settle_s": 0.0})
     assert tried.started().state == "running"
@@ -170,7 +174,7 @@ def test_a_line_that_was_unplugged_is_found_again(host: Host, store: Store, offe
 
 
 def test_registers_are_reached_over_their_own_sort_of_line(
-    host: Host, store: Store, offer: Offer
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer
 ) -> None:
     assert offer.problem == ""
     tried = Tried(store, host.server, PH, model="modbus_ph", settings={"device_id": 7})
@@ -187,7 +191,7 @@ def test_registers_are_reached_over_their_own_sort_of_line(
     ],
 )
 def test_an_instrument_is_reached_by_more_than_its_port(
-    host: Host, store: Store, offer: Offer, module: str, settings: dict[str, Any]
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer, module: str, settings: dict[str, Any]
 ) -> None:
     wanted = CHOSEN[module]
     assert wanted.model in {one.model for one in offer.models}
@@ -236,7 +240,7 @@ def test_source_that_nobody_approved_reaches_its_line_and_nothing_else(
 
 
 def test_source_that_breaks_a_rule_is_not_run_at_all(
-    host: Host, store: Store, offer: Offer
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer
 ) -> None:
     assert offer.problem == ""
     texts = gather(read_source(path_of(LOOP)))
@@ -247,7 +251,7 @@ def test_source_that_breaks_a_rule_is_not_run_at_all(
 
 @pytest.mark.parametrize("wrong", ["signer", "host", "epoch", "digest"])
 def test_an_order_that_the_server_did_not_sign_for_here_and_now_begins_nothing(
-    host: Host, store: Store, offer: Offer, wrong: str
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer, wrong: str
 ) -> None:
     assert offer.problem == ""
     changes: dict[str, dict[str, Any]] = {
@@ -262,7 +266,7 @@ def test_an_order_that_the_server_did_not_sign_for_here_and_now_begins_nothing(
 
 
 def test_settings_that_do_not_fit_end_it_with_every_finding(
-    host: Host, store: Store, offer: Offer
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer
 ) -> None:
     assert offer.problem == ""
     tried = Tried(store, host.server, LOOP, settings={"no_such": 1})
@@ -272,7 +276,7 @@ def test_settings_that_do_not_fit_end_it_with_every_finding(
 
 
 def test_it_ends_by_itself_when_nobody_asks_anything(
-    host: Host, store: Store, offer: Offer, monkeypatch: pytest.MonkeyPatch
+    host: Host, store: ValkeyStore, offer: StoredTryoutOffer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert offer.problem == ""
     monkeypatch.setattr(tryouts, "IDLE_S", 1.0)
@@ -283,9 +287,9 @@ def test_it_ends_by_itself_when_nobody_asks_anything(
 
 
 def test_a_machine_that_cannot_confine_offers_nothing(
-    host: Host, store: Store, monkeypatch: pytest.MonkeyPatch
+    host: Host, store: ValkeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(services, "is_possible", lambda: False)
-    service = Service(a_config(host.folder), host.journal, store)
+    service = TryoutService(a_config(host.folder), host.journal, store)
     found = asyncio.run(service._offer())
     assert (found.models, "confine" in found.problem) == ([], True)

@@ -11,13 +11,13 @@ from tests.workers.bench import Host, a_do
 from tests.workers.hub import Hub
 from tests.workers.uplink.test_uplink import connected, until
 from workers.base.signatures import create_key
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.uplink import uplink
 
 
 @pytest.mark.parametrize("more_waits", [False, True])
 async def test_ends_are_told_together_only_while_more_waits_to_be_done(
-    tmp_path: Path, store: Store, more_waits: bool, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, store: ValkeyStore, more_waits: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(uplink, "STREAM_S", 1.0 if more_waits else 60.0)
     host, key = Host(tmp_path / "host", "tcp://127.0.0.1:9"), create_key(tmp_path / "host.key")

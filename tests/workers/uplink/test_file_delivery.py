@@ -15,9 +15,9 @@ import pytest
 from websockets.asyncio.client import ClientConnection
 
 from labweb.domain import files as handed
-from workers.line.action_files import Files, WaitingFiles
+from workers.line.action_files import ActionFiles, WaitingFiles
 from workers.uplink import file_delivery
-from workers.uplink.file_delivery import FileTeller
+from workers.uplink.file_delivery import FileDelivery
 
 NMR = uuid4()
 
@@ -37,11 +37,11 @@ def test_a_file_that_is_larger_than_any_is_told_as_gone_and_never_read(
 ) -> None:
     """A folder that a confined line writes to may hold anything."""
     data, folder = b"larger", tmp_path / "files" / "line"
-    Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    ActionFiles(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
     waiting = WaitingFiles(folder.parent)
     (kept,) = waiting.waiting()
     monkeypatch.setattr(file_delivery, "MOST_BYTES", len(data) - 1)
-    heard, teller = Heard(), FileTeller(waiting, 1.0, lambda: True)
+    heard, teller = Heard(), FileDelivery(waiting, 1.0, lambda: True)
     assert not asyncio.run(teller._send(cast("ClientConnection", heard), kept, 1))
     assert [one["t"] for one in heard.frames] == ["file_gone"]
     assert waiting.waiting() == []
@@ -51,11 +51,11 @@ def test_a_file_that_the_disk_does_not_give_is_told_at_once_and_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data, folder = b"there", tmp_path / "files" / "line"
-    Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    ActionFiles(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
     waiting = WaitingFiles(folder.parent)
     (kept,) = waiting.waiting()
     whole, is_broken = Path.read_bytes, [True]
-    heard, teller = Heard(), FileTeller(waiting, 1.0, lambda: True)
+    heard, teller = Heard(), FileDelivery(waiting, 1.0, lambda: True)
 
     def read(path: Path) -> bytes:
         if is_broken[0]:
@@ -93,10 +93,10 @@ def test_a_file_that_nothing_names_is_dropped_only_once_every_event_is_told(
     tmp_path: Path,
 ) -> None:
     data, folder = b"named later", tmp_path / "files" / "line"
-    path = Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    path = ActionFiles(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
     os.utime(path, (0, 0))
     waiting, is_told = WaitingFiles(folder.parent), [False]
-    teller = FileTeller(waiting, 0.05, lambda: is_told[0])
+    teller = FileDelivery(waiting, 0.05, lambda: is_told[0])
 
     async def offer() -> None:
         (kept,) = waiting.waiting()

@@ -8,11 +8,11 @@ from workers.base.valkey_store import (
     LONGEST_STREAM_COUNT,
     MOST_SAMPLES_PER_BATCH,
     STREAM,
-    Batch,
-    Sample,
-    Store,
+    SampleBatch,
+    StatusSample,
+    ValkeyStore,
 )
-from workers.uplink.sample_delivery import NOTHING, Told, is_reached, make_frame, parts_of
+from workers.uplink.sample_delivery import NOTHING, StreamPosition, is_reached, make_frame, parts_of
 
 
 def a_batch(
@@ -22,19 +22,19 @@ def a_batch(
     count: int = 1,
     began_s: float = 10.0,
     size_bytes: int | None = None,
-) -> Batch:
-    return Batch(
+) -> SampleBatch:
+    return SampleBatch(
         key=f"{int(at_s)}-0",
         line="a",
-        samples=[Sample("d", "s", at_s + place, 0.0, 1.0) for place in range(count)],
+        samples=[StatusSample("d", "s", at_s + place, 0.0, 1.0) for place in range(count)],
         taken_count=taken_count,
         began_s=began_s,
         size_bytes=50 * count if size_bytes is None else size_bytes,
     )
 
 
-def gaps_of(*batches: Batch) -> list[tuple[float, float, int | None, str]]:
-    _, frame = make_frame(Told(), list(batches), 1)
+def gaps_of(*batches: SampleBatch) -> list[tuple[float, float, int | None, str]]:
+    _, frame = make_frame(StreamPosition(), list(batches), 1)
     return [(one.since_s, one.until_s, one.lost_count, one.reason) for one in frame.gaps]
 
 
@@ -59,7 +59,7 @@ def test_a_process_that_does_not_tell_its_begin_was_there_before() -> None:
 
 def test_a_batch_that_no_frame_may_hold_is_a_gap_and_the_next_is_told() -> None:
     large = a_batch(1, 20.0, size_bytes=MAX_FRAME_BYTES + 1)
-    told, frame = make_frame(Told(), [large, a_batch(2, 30.0)], 1)
+    told, frame = make_frame(StreamPosition(), [large, a_batch(2, 30.0)], 1)
     assert [one.reason for one in frame.gaps] == ["too_large"]
     assert [one[2] for one in frame.samples] == [30.0]
     assert told.key == frame.key == "30-0"
@@ -83,8 +83,8 @@ def test_places_in_a_stream_are_compared_as_numbers() -> None:
     assert is_reached(NOTHING, NOTHING)
 
 
-def test_a_large_batch_goes_into_the_stream_in_parts_that_are_counted(store: Store) -> None:
-    samples = [Sample("d", f"s{place}", 7.0, 1.0, place) for place in range(150)]
+def test_a_large_batch_goes_into_the_stream_in_parts_that_are_counted(store: ValkeyStore) -> None:
+    samples = [StatusSample("d", f"s{place}", 7.0, 1.0, place) for place in range(150)]
     assert store.put("a", samples, 1150, 5.0)
     batches = store.batches(NOTHING, wait_s=0.1)
     assert [len(one.samples) for one in batches] == [64, 64, 22]
@@ -94,8 +94,8 @@ def test_a_large_batch_goes_into_the_stream_in_parts_that_are_counted(store: Sto
     assert gaps_of(*batches) == [(5.0, 7.0, 1000, "overflow")]
 
 
-def test_the_stream_is_bounded_while_the_server_is_away(store: Store) -> None:
-    sample = [Sample("d", "s", 1.0, 1.0, 1.0)]
+def test_the_stream_is_bounded_while_the_server_is_away(store: ValkeyStore) -> None:
+    sample = [StatusSample("d", "s", 1.0, 1.0, 1.0)]
     for place in range(LONGEST_STREAM_COUNT + 500):
         store.put("a", sample, place + 1)
     assert store._redis.xlen(STREAM) <= LONGEST_STREAM_COUNT + 200

@@ -17,7 +17,7 @@ from tests.workers.bench import Host, a_do
 from tests.workers.hub import Hub
 from tests.workers.uplink.test_uplink import connected, until
 from workers.base.signatures import HostKey, create_key
-from workers.base.valkey_store import Store
+from workers.base.valkey_store import ValkeyStore
 from workers.journal import journal_schema
 from workers.journal.journal import Journal
 from workers.uplink.server_clock import MOST_ASKED, ServerClock, read_anchors
@@ -51,7 +51,7 @@ def off_s(event: EdgeEvent, hub: Hub) -> float:
 
 
 async def test_what_a_host_tells_is_dated_by_the_server_a_day_ahead(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     """What was written before the session too, and the measure outlives the program."""
     hub.ahead_s = DAY_S
@@ -73,7 +73,7 @@ async def test_what_a_host_tells_is_dated_by_the_server_a_day_ahead(
 
 
 async def test_signs_of_life_measure_again(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     """The answer to HELLO was slow; the next measure is better, without another session."""
     hub.ahead_s, hub.way_s = -DAY_S, 0.2
@@ -87,7 +87,7 @@ async def test_signs_of_life_measure_again(
     assert latest.error_s < first.error_s
 
 
-def test_an_answer_that_nobody_waits_for_measures_nothing(host: Host, store: Store) -> None:
+def test_an_answer_that_nobody_waits_for_measures_nothing(host: Host, store: ValkeyStore) -> None:
     clock = ServerClock(host.journal, store)
     asked = [clock.ask() for _ in range(MOST_ASKED + 1)]
     for asked_s in (asked[0], -5.0):
@@ -97,7 +97,9 @@ def test_an_answer_that_nobody_waits_for_measures_nothing(host: Host, store: Sto
     assert len(read_anchors(host.journal)) == 1
 
 
-def test_a_host_whose_clock_was_set_in_the_night_is_not_misled(host: Host, store: Store) -> None:
+def test_a_host_whose_clock_was_set_in_the_night_is_not_misled(
+    host: Host, store: ValkeyStore
+) -> None:
     """The clock that only runs counts; the one that was set is written down beside it."""
     now_s = time.time()
     clock = ServerClock(host.journal, store)

@@ -28,12 +28,12 @@ from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
 from workers.base.config import HostConfig, ValkeyConfig
 from workers.base.signatures import HostKey, create_key
-from workers.base.valkey_store import ASKS, ASKS_TOLD, Sample, Store
-from workers.enrollment.host_identity import Identity
-from workers.line.action_files import Files
+from workers.base.valkey_store import ASKS, ASKS_TOLD, StatusSample, ValkeyStore
+from workers.enrollment.host_identity import HostIdentity
+from workers.line.action_files import ActionFiles
 from workers.uplink import reconnect_backoff
-from workers.uplink.host_reports import ASK_LIFE_S, Word
-from workers.uplink.sample_delivery import Told
+from workers.uplink.host_reports import ASK_LIFE_S, BridgeWish
+from workers.uplink.sample_delivery import StreamPosition
 from workers.uplink.uplink import Uplink
 
 
@@ -57,7 +57,7 @@ def hub(host: Host, key: HostKey) -> Iterator[Hub]:
 
 
 @contextlib.asynccontextmanager
-async def connected(host: Host, hub: Hub, key: HostKey, store: Store) -> AsyncIterator[None]:
+async def connected(host: Host, hub: Hub, key: HostKey, store: ValkeyStore) -> AsyncIterator[None]:
     config = HostConfig(
         host_id=HOST_ID,
         name="bench",
@@ -67,7 +67,7 @@ async def connected(host: Host, hub: Hub, key: HostKey, store: Store) -> AsyncIt
         key_file="-",
         valkey=ValkeyConfig(socket="/nowhere"),
     )
-    identity = Identity(key, Path("-"), None, None)
+    identity = HostIdentity(key, Path("-"), None, None)
     made = Uplink(config, host.journal, identity, store, host.woken.append)
     task = asyncio.create_task(made.run())
     try:
@@ -86,7 +86,7 @@ async def until(condition: Callable[[], object], within_s: float = 8.0) -> None:
 
 
 async def test_every_event_goes_up_once_and_in_order_over_a_broken_line(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     hub.is_acking = False
     async with connected(host, hub, key, store):
@@ -104,7 +104,7 @@ async def test_every_event_goes_up_once_and_in_order_over_a_broken_line(
 
 
 async def test_epoch_floor_devices_and_keys_are_on_disk_before_anything_is_sent(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     async with connected(host, hub, key, store):
         await until(lambda: hub.frames)
@@ -114,7 +114,7 @@ async def test_epoch_floor_devices_and_keys_are_on_disk_before_anything_is_sent(
 
 
 async def test_a_long_backlog_goes_up_in_bounded_frames(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     with host.journal.write() as tx:
         for number in range(1200):
@@ -127,7 +127,7 @@ async def test_a_long_backlog_goes_up_in_bounded_frames(
 
 
 async def test_a_host_in_quarantine_is_disarmed(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     hub.mode, hub.will_resume = "quarantine", False
     async with connected(host, hub, key, store):
@@ -139,7 +139,7 @@ async def test_a_host_in_quarantine_is_disarmed(
 
 
 async def test_a_refused_host_stays_as_it_was_and_tries_again_later(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     hub.is_refusing = True
     async with connected(host, hub, key, store):
@@ -154,7 +154,7 @@ async def test_a_host_says_once_that_its_server_is_older_and_tries_more_and_more
     host: Host,
     hub: Hub,
     key: HostKey,
-    store: Store,
+    store: ValkeyStore,
     fault: str,
     caplog: pytest.LogCaptureFixture,
     monkeypatch: pytest.MonkeyPatch,
@@ -179,8 +179,8 @@ def test_a_server_that_is_not_understood_is_left_in_peace_for_minutes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("random.uniform", lambda _low, high: high)
-    waiting = reconnect_backoff.Patience()
-    refusal = reconnect_backoff.RefusedError("update the server", code="host.version")
+    waiting = reconnect_backoff.ReconnectBackoff()
+    refusal = reconnect_backoff.SessionRefusedError("update the server", code="host.version")
     pauses = [waiting.pause_s(refusal, "ws://x", lasted_s=20.0) for _ in range(8)]
     assert pauses == [8, 16, 32, 64, 128, 256, 300, 300]
     broken = [waiting.pause_s(OSError("away"), "ws://x", lasted_s=0.1) for _ in range(6)]
@@ -191,7 +191,7 @@ def test_a_session_that_lasted_makes_the_next_misfit_a_new_one(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr("random.uniform", lambda _low, high: high)
-    waiting = reconnect_backoff.Patience()
+    waiting = reconnect_backoff.ReconnectBackoff()
     error = msgspec.DecodeError("no such frame")
     pauses = [waiting.pause_s(error, "ws://x", lasted_s=86_400.0) for _ in range(3)]
     assert pauses == [8, 8, 8], "the host is away no longer than it has to be"
@@ -199,7 +199,7 @@ def test_a_session_that_lasted_makes_the_next_misfit_a_new_one(
 
 
 async def test_a_nudge_is_as_good_as_the_broker(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     async with connected(host, hub, key, store):
         await until(lambda: hub.heartbeats)
@@ -211,7 +211,7 @@ async def test_a_nudge_is_as_good_as_the_broker(
 
 
 async def test_the_stop_latch_is_on_disk_when_the_stop_is_acknowledged(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     async with connected(host, hub, key, store):
         await until(lambda: hub.heartbeats)
@@ -228,15 +228,15 @@ def told(hub: Hub) -> list[float]:
     return [one[3] for frame in hub.telemetry for one in frame.samples]
 
 
-def put(store: Store, host: Host, values: range, *, began_s: float = 100.0, taken: int = 0) -> None:
+def put(store: ValkeyStore, host: Host, values: range, *, taken: int = 0) -> None:
     device = str(host.device.id)
     for value in values:
-        sample = Sample(device, "volume_ul", 1000.0 + value, 1.0, float(value))
-        assert store.put("line", [sample], taken or value + 1, began_s)
+        sample = StatusSample(device, "volume_ul", 1000.0 + value, 1.0, float(value))
+        assert store.put("line", [sample], taken or value + 1, 100.0)
 
 
 async def test_samples_that_wait_for_the_server_go_up_when_it_is_there(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     put(store, host, range(300))
     async with connected(host, hub, key, store):
@@ -248,7 +248,7 @@ async def test_samples_that_wait_for_the_server_go_up_when_it_is_there(
 
 
 async def test_samples_that_the_server_did_not_store_are_told_again(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     hub.is_storing = False
     put(store, host, range(5))
@@ -267,7 +267,7 @@ async def test_samples_that_the_server_did_not_store_are_told_again(
 
 
 async def test_samples_that_fell_out_of_the_stream_are_told_as_a_gap(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     async with connected(host, hub, key, store):
         put(store, host, range(2))
@@ -281,20 +281,20 @@ async def test_samples_that_fell_out_of_the_stream_are_told_as_a_gap(
 
 
 async def test_a_stream_that_was_lost_with_its_server_is_told_from_its_begin(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     put(store, host, range(3))
-    store.keep_told(msgspec.json.encode(Told(key="9999999999999-0")))
+    store.keep_told(msgspec.json.encode(StreamPosition(key="9999999999999-0")))
     async with connected(host, hub, key, store):
         await until(lambda: len(told(hub)) == 3)
 
 
 async def test_a_file_goes_up_whole_once_the_server_knows_it_and_is_kept_until_then(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     data = bytes(range(256)) * 2000
     sha256, action_id, device_id = hashlib.sha256(data).hexdigest(), uuid4(), uuid4()
-    files = Files(host.folder / "files" / "line")
+    files = ActionFiles(host.folder / "files" / "line")
     with pytest.raises(StateError) as refusal:
         files.keep(action_id, device_id, sha256, data + b"x")
     assert refusal.value.code == "file.other_bytes"
@@ -311,9 +311,9 @@ async def test_a_file_goes_up_whole_once_the_server_knows_it_and_is_kept_until_t
 
 
 async def test_a_file_that_the_server_does_not_want_is_dropped(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
-    files = Files(host.folder / "files" / "line")
+    files = ActionFiles(host.folder / "files" / "line")
     files.keep(uuid4(), uuid4(), hashlib.sha256(b"x").hexdigest(), b"x")
     hub.file_codes = ["file.refused"]
     async with connected(host, hub, key, store):
@@ -322,10 +322,10 @@ async def test_a_file_that_the_server_does_not_want_is_dropped(
 
 
 async def test_a_file_is_sent_again_after_the_line_was_cut_in_its_middle(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     data = bytes(range(256)) * 20_000
-    files = Files(host.folder / "files" / "line")
+    files = ActionFiles(host.folder / "files" / "line")
     files.keep(uuid4(), uuid4(), hashlib.sha256(data).hexdigest(), data)
     parts_seen: list[int] = []
 
@@ -342,9 +342,9 @@ async def test_a_file_is_sent_again_after_the_line_was_cut_in_its_middle(
 
 
 async def test_a_file_that_was_damaged_or_is_gone_is_told_as_lost(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
-    files, action_id = Files(host.folder / "files" / "line"), uuid4()
+    files, action_id = ActionFiles(host.folder / "files" / "line"), uuid4()
     kept = files.keep(action_id, uuid4(), hashlib.sha256(b"xy").hexdigest(), b"xy")
     kept.write_bytes(b"xz")
     gone = FileAsked(action_id=uuid4(), device_id=uuid4(), sha256="0" * 64)
@@ -360,7 +360,7 @@ async def test_a_file_that_was_damaged_or_is_gone_is_told_as_lost(
 
 
 async def test_pictures_of_an_earlier_release_are_taken_over(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     sha256 = hashlib.sha256(b"p").hexdigest()
     (host.folder / "pictures").mkdir()
@@ -370,20 +370,20 @@ async def test_pictures_of_an_earlier_release_are_taken_over(
 
 
 async def test_wishes_go_up_unless_they_are_old_and_words_about_them_come_down(
-    host: Host, hub: Hub, key: HostKey, store: Store
+    host: Host, hub: Hub, key: HostKey, store: ValkeyStore
 ) -> None:
     old, new = uuid4(), uuid4()
     fields = {"device_id": uuid4(), "action": "wait", "args": {}, "source": "ros2"}
 
     def put(ask_id: object, age_s: float) -> None:
         ask = Ask(epoch=0, ask_id=ask_id, **fields)  # type: ignore[arg-type]
-        store.put_word(ASKS, msgspec.json.encode(Word(time.monotonic() - age_s, ask)))
+        store.put_word(ASKS, msgspec.json.encode(BridgeWish(time.monotonic() - age_s, ask)))
 
     async with connected(host, hub, key, store):
         await until(lambda: hub.acked)
         await asyncio.to_thread(put, old, ASK_LIFE_S + 1)
         await asyncio.to_thread(put, new, 0.0)
-        withdrawn = Word(time.monotonic(), WithdrawAsk(epoch=0, ask_id=new))
+        withdrawn = BridgeWish(time.monotonic(), WithdrawAsk(epoch=0, ask_id=new))
         await asyncio.to_thread(store.put_word, ASKS, msgspec.json.encode(withdrawn))
         await until(lambda: any(isinstance(one, WithdrawAsk) for one in hub.frames))
         told = AskTold(ask_id=new, state="queued", run_number=3)
