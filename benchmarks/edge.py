@@ -26,11 +26,11 @@ from drivers.load import read_spec
 from labweb.domain.messages import Cancel, DeviceConfig, Do, EdgeEvent, ResourceView
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import ROOT, SPACE, Server
-from workers.app import ACCEPT, post
-from workers.config import HostConfig, ValkeyConfig, command_queue
-from workers.host import find_valkey
-from workers.keys import create_key
-from workers.store import Store
+from workers.base.celery_apps import ACCEPT, post
+from workers.base.config import HostConfig, ValkeyConfig, command_queue
+from workers.base.signatures import create_key
+from workers.base.valkey_store import ValkeyStore
+from workers.host.valkey_process import find_valkey
 
 MODULE = "drivers.virtual.timer"
 START_S = 120.0
@@ -206,7 +206,7 @@ def a_broker(parent: Path) -> Iterator[tuple[Path, str]]:
         command = [str(find_valkey()), "--port", "0", "--unixsocket", str(socket), "--save", ""]
         popen = subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL)
         try:
-            store = Store(f"unix://{socket}?db=0")
+            store = ValkeyStore(f"unix://{socket}?db=0")
             wait_for(store.ping, START_S)
             store.close()
             yield folder, f"redis+socket://{socket}?virtual_host=3"

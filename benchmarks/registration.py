@@ -33,9 +33,9 @@ from tests.labs import lab_of_pumps
 from tests.system.outages import conninfo, database_url
 from tests.system.replacing import COUNT, LINES_COUNT, Versions, Work, deeds, told
 from tests.system.stack import Stack, running
-from workers.config import load_config
-from workers.devices import lines_of
-from workers.journal import Journal
+from workers.base.config import load_config
+from workers.base.device_lines import lines_of
+from workers.journal.journal import Journal
 
 ROUNDS_COUNT = 10
 LIMIT_S = 2.0

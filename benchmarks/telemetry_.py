@@ -39,8 +39,8 @@ from tests.builders import Bench, Edge, a_lab
 from tests.labweb.web import signed_in
 from tests.system.stack import free_port
 from tests.workers.bench import ROOT
-from workers.samples import SampleTeller
-from workers.store import Store
+from workers.base.valkey_store import ValkeyStore
+from workers.uplink.sample_delivery import SampleDelivery
 
 SECONDS = 60
 DEVICES_COUNT = 100
@@ -166,8 +166,8 @@ async def _measure(
     edge: Edge, cookie: str, watched: UUID, line: list[str], port: int, seen: Seen
 ) -> None:
     """Connect uplink and browser, let the line sample, and wait until all of it is stored."""
-    store = Store(line[3])
-    teller = SampleTeller(store)
+    store = ValkeyStore(line[3])
+    teller = SampleDelivery(store)
     async with await _open(f"ws://127.0.0.1:{port}/ws/edge/v1/") as uplink:
         epoch = await _greet(uplink, edge)
         headers = {"Cookie": f"sessionid={cookie}", "Origin": f"http://127.0.0.1:{port}"}
@@ -216,7 +216,7 @@ async def _greet(uplink: ClientConnection, edge: Edge) -> int:
     return int(json.loads(await uplink.recv())["epoch"])
 
 
-async def _hear(uplink: ClientConnection, teller: SampleTeller) -> None:
+async def _hear(uplink: ClientConnection, teller: SampleDelivery) -> None:
     async for text in uplink:
         frame = msgspec.json.decode(text, type=ServerFrame)
         if isinstance(frame, TelemetryTaken):
@@ -243,7 +243,7 @@ async def _watch(browser: ClientConnection, seen: Seen) -> None:
             seen.behind_s.append(now_s - at_s)
 
 
-async def _drained(store: Store, tasks: list[asyncio.Task[None]]) -> None:
+async def _drained(store: ValkeyStore, tasks: list[asyncio.Task[None]]) -> None:
     """Wait until the server has stored the stream; a task that ended says why it cannot."""
     async with asyncio.timeout(DRAIN_S):
         while True:

@@ -19,10 +19,10 @@ import msgspec
 from drivers.base import Driver, status
 from drivers.transports.virtual import VirtualTransport
 from labweb.domain.messages import DeviceConfig
-from workers.clock import SystemClock
-from workers.store import Store
-from workers.telemetry import Sampler
-from workers.unit import Unit
+from workers.base.system_clock import HostClock
+from workers.base.valkey_store import ValkeyStore
+from workers.line.device_unit import DeviceUnit
+from workers.line.status_sampling import Sampler
 
 LINE = "virtual:measured"
 STATUSES = tuple(f"level_{number}_c" for number in range(10))
@@ -59,7 +59,7 @@ for _number, _name in enumerate(STATUSES):
     setattr(Teller, _name, _wave(_number))
 
 
-def a_unit(device_id: UUID, number: int, wire: VirtualTransport, clock: SystemClock) -> Unit:
+def a_unit(device_id: UUID, number: int, wire: VirtualTransport, clock: HostClock) -> DeviceUnit:
     """Make one device on the line's wire, which all of them share."""
     config = DeviceConfig(
         id=device_id,
@@ -73,13 +73,13 @@ def a_unit(device_id: UUID, number: int, wire: VirtualTransport, clock: SystemCl
         statuses=dict.fromkeys(STATUSES, EVERY_S),
         nodes={},
     )
-    return Unit(config, Teller(wire, {}), clock)
+    return DeviceUnit(config, Teller(wire, {}), clock)
 
 
 def main() -> None:
     """Sample for so long, then say how many samples were taken."""
     url, seconds, ids = sys.argv[1], float(sys.argv[2]), json.loads(Path(sys.argv[3]).read_text())
-    clock, store = SystemClock(), Store(url)
+    clock, store = HostClock(), ValkeyStore(url)
     wire = VirtualTransport(LINE)
     units = {UUID(one): a_unit(UUID(one), number, wire, clock) for number, one in enumerate(ids)}
     sampler = Sampler(LINE, units, store, clock)

@@ -1,8 +1,9 @@
 """Named places where a test can end a process of the server.
 
-As on the edge host (`workers/faults.py`): a released server has none of it. `point` is an empty
-function, and what breaks things is not part of the package. `LABWEB_FAULTS=1` arms the points
-in a checkout, and is refused where the code is missing or the settings are those of production.
+As on the edge host (`workers/base/faults.py`): a released server has none of it. `point` is an
+empty function, and what breaks things is not part of the package. `LABWEB_FAULTS=1` arms the
+points in a checkout, and is refused where the code is missing or the settings are those of
+production.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ POINTS = (
     "ingest.after_commit",
 )
 
-MODULE = "workers.injection"
+MODULE = "workers.base.fault_injection"
 
 
 def _pass(_: str) -> None:

@@ -43,7 +43,7 @@ HOMES = (
     Home("pint", ("labweb/domain/units",), alone=True),
     Home("channels", ("labweb/common/sockets",), alone=False),  # the base of every socket
     Home("rest_framework", tuple(f"labweb/{app}/api" for app in APPS), alone=False),
-    Home("celery", ("workers/app", "workers/execute", "workers/tasks"), alone=False),
+    Home("celery", ("workers/base/celery_apps", "workers/host/celery_tasks"), alone=False),
 )
 
 

@@ -262,10 +262,10 @@ def test_a_broker_that_finds_no_room_rings_again_when_there_is(
 
 def test_processes_that_may_open_no_more_files_go_on_when_they_may(stack: Stack) -> None:
     """Of the host and of web, in mid-stroke: what cannot be written down first is not begun."""
-    web, host = stack.pid("uvicorn"), stack.pid("workers.host")
+    web, host = stack.pid("uvicorn"), stack.pid("workers.host --config")
     with an_outage(stack), no_more_files([web, *host_pids(stack)]):
         time.sleep(FULL_S)
-    assert (stack.pid("uvicorn"), stack.pid("workers.host")) == (web, host)
+    assert (stack.pid("uvicorn"), stack.pid("workers.host --config")) == (web, host)
 
 
 def test_lines_that_are_killed_on_a_full_disk_start_again_before_there_is_room(
@@ -297,7 +297,7 @@ def _lines(stack: Stack) -> list[int]:
     for pid in host_pids(stack):
         with suppress(FileNotFoundError):
             words = Path(f"/proc/{pid}/cmdline").read_bytes().decode()
-            if "workers.run line" in words.replace("\0", " ") and "serial:" in words:
+            if "workers.host.process_main line" in words.replace("\0", " ") and "serial:" in words:
                 found.append(pid)
     return found
 
@@ -313,7 +313,7 @@ def test_a_disk_that_can_only_be_read_ends_no_process_that_acts(folder: Path) ->
         outage.wait_until_moving()
         kept = {
             name: procfs.identify(stack.pid(name))
-            for name in ("uvicorn", "workers.host", "fixtures.instruments")
+            for name in ("uvicorn", "workers.host --config", "fixtures.instruments")
         }
         trigger.write_text("x")
         time.sleep(0.2)

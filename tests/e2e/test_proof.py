@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, expect
 from tests.e2e.test_look import is_within, picture
 from tests.e2e.visitor import DESKTOP, Visitor, visiting
 from tests.system.stack import Stack
-from workers.confine import is_possible
+from workers.sandbox.confinement import is_possible
 
 pytestmark = [
     pytest.mark.slow,

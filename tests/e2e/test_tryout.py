@@ -11,7 +11,7 @@ from playwright.sync_api import Locator, expect
 from tests.e2e.conftest import Visit
 from tests.e2e.visitor import Visitor
 from tests.system.stack import Stack
-from workers.confine import is_possible
+from workers.sandbox.confinement import is_possible
 
 pytestmark = [
     pytest.mark.slow,

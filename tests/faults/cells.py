@@ -25,8 +25,8 @@ from tests.workers.bench import (
     a_do,
     by_position,
 )
-from tests.workers.crashing import accept_and_drain
-from workers import outcomes
+from tests.workers.line.crashing import accept_and_drain
+from workers.line import outcome_record
 
 PATIENCE_S = 40.0
 NL_PER_UL = 1000
@@ -153,7 +153,7 @@ def _be_child(
     code = FAILED
     try:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
-        outcomes.LAST_WRITE_PAUSE_S = 0.001
+        outcome_record.LAST_WRITE_PAUSE_S = 0.001
         accept_and_drain(path, device_text, signed, {"LABWEB_BOOT_ID": BOOT_ID, **variables})
         code = 0
     finally:

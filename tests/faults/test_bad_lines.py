@@ -21,12 +21,13 @@ from tests.faults.lines import Line, a_line_to
 from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, HOST_ID, SYRINGE_ID, Host, a_do, until
 from tests.workers.hub import Hub
-from workers import faults, patience, uplink
-from workers.config import HostConfig, ValkeyConfig
-from workers.identity import Identity
-from workers.journal import Journal
-from workers.keys import HostKey, create_key, load_key
-from workers.store import Store
+from workers.base import faults
+from workers.base.config import HostConfig, ValkeyConfig
+from workers.base.signatures import HostKey, create_key, load_key
+from workers.base.valkey_store import ValkeyStore
+from workers.enrollment.host_identity import HostIdentity
+from workers.journal.journal import Journal
+from workers.uplink import reconnect_backoff, uplink
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -154,13 +155,13 @@ async def test_the_server_gets_every_event_once_over_a_bad_line(
 ) -> None:
     for name, value in (("ACK_TIMEOUT_S", 0.7), ("HANDSHAKE_S", 1.5)):
         monkeypatch.setattr(uplink, name, value)
-    monkeypatch.setattr(patience, "LONGEST_RETRY_S", 0.6)
+    monkeypatch.setattr(reconnect_backoff, "LONGEST_RETRY_S", 0.6)
     with a_bench(tmp_path) as bench:
-        store = Store("unix:///nowhere")
+        store = ValkeyStore("unix:///nowhere")
         made = uplink.Uplink(
             bench.config,
             bench.host.journal,
-            Identity(bench.key, Path("-"), None, None),
+            HostIdentity(bench.key, Path("-"), None, None),
             store,
             lambda _: None,
         )
@@ -229,14 +230,14 @@ def connect(config: HostConfig, variables: dict[str, str]) -> None:
     if faults.are_wanted():
         faults.arm()
     uplink.ACK_TIMEOUT_S = uplink.HANDSHAKE_S = 0.6
-    patience.LONGEST_RETRY_S = 0.5
+    reconnect_backoff.LONGEST_RETRY_S = 0.5
     journal = Journal(config.journal_path)
     key = load_key(Path(config.key_file))
     made = uplink.Uplink(
         config,
         journal,
-        Identity(key, Path("-"), None, None),
-        Store("unix:///nowhere"),
+        HostIdentity(key, Path("-"), None, None),
+        ValkeyStore("unix:///nowhere"),
         lambda _: None,
     )
     asyncio.run(made.run())

@@ -15,8 +15,8 @@ import pytest
 from labweb.common import faults as server_faults
 from labweb.domain.errors import DefinitionError
 from tests.workers.bench import HOST_ID, ROOT
-from workers import faults
-from workers.config import HostConfig, ValkeyConfig, load_config
+from workers.base import faults
+from workers.base.config import HostConfig, ValkeyConfig, load_config
 
 
 def run(code: str, *, root: Path = ROOT, **variables: str) -> subprocess.CompletedProcess[str]:
@@ -35,12 +35,12 @@ def test_a_point_of_a_plain_host_is_an_empty_function() -> None:
     code = "\n".join(
         [
             "import sys, dis",
-            "import workers.run, workers.host, workers.uplink",
-            "from workers import faults",
+            "import workers.host.process_main, workers.host.supervisor, workers.uplink.uplink",
+            "from workers.base import faults",
             "for one in (faults.point, faults.enter):",
             "    ops = {i.opname for i in dis.get_instructions(one)}",
             "    assert ops <= {'RESUME', 'LOAD_CONST', 'RETURN_VALUE', 'RETURN_CONST'}, ops",
-            "assert 'workers.injection' not in sys.modules",
+            "assert 'workers.base.fault_injection' not in sys.modules",
             "assert not faults.are_armed()",
         ]
     )
@@ -55,7 +55,7 @@ def test_a_point_of_a_plain_server_is_an_empty_function() -> None:
             "from labweb.common import faults",
             "ops = {i.opname for i in dis.get_instructions(faults.point)}",
             "assert ops <= {'RESUME', 'LOAD_CONST', 'RETURN_VALUE', 'RETURN_CONST'}, ops",
-            "assert 'workers.injection' not in sys.modules",
+            "assert 'workers.base.fault_injection' not in sys.modules",
         ]
     )
     done = run(code, LABWEB_FAULT="relay.before_ring:kill")
@@ -64,7 +64,7 @@ def test_a_point_of_a_plain_server_is_an_empty_function() -> None:
 
 @pytest.mark.parametrize(
     ("module", "point"),
-    [("workers", "accept.after_commit"), ("labweb.common", "relay.before_ring")],
+    [("workers.base", "accept.after_commit"), ("labweb.common", "relay.before_ring")],
 )
 def test_the_environment_arms_the_points_of_a_checkout(module: str, point: str) -> None:
     code = f"from {module} import faults; faults.point({point!r})"
@@ -74,13 +74,13 @@ def test_the_environment_arms_the_points_of_a_checkout(module: str, point: str) 
 
 def test_the_package_leaves_out_what_breaks_a_host() -> None:
     built = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
-    assert built["targets"]["wheel"]["exclude"] == ["workers/injection.py"]
-    assert (ROOT / "workers" / "injection.py").is_file()
-    assert faults.MODULE == "workers.injection"
+    assert built["targets"]["wheel"]["exclude"] == ["workers/base/fault_injection.py"]
+    assert (ROOT / "workers" / "base" / "fault_injection.py").is_file()
+    assert faults.MODULE == "workers.base.fault_injection"
 
 
 def test_an_installed_package_refuses_to_start_with_faults(tmp_path: Path) -> None:
-    leave_out = shutil.ignore_patterns("injection.py", "__pycache__")
+    leave_out = shutil.ignore_patterns("fault_injection.py", "__pycache__")
     shutil.copytree(ROOT / "workers", tmp_path / "workers", ignore=leave_out)
     shutil.copytree(ROOT / "drivers", tmp_path / "drivers", ignore=leave_out)
     shutil.copytree(ROOT / "labweb" / "domain", tmp_path / "labweb" / "domain", ignore=leave_out)
@@ -88,7 +88,7 @@ def test_an_installed_package_refuses_to_start_with_faults(tmp_path: Path) -> No
     shutil.copy(ROOT / "labweb" / "common" / "faults.py", tmp_path / "labweb" / "common")
     for package in ("labweb", "labweb/common"):
         (tmp_path / package / "__init__.py").touch()
-    for name in ("workers.run", "labweb.common.faults"):
+    for name in ("workers.host.process_main", "labweb.common.faults"):
         code = f"import {name} as one; print(one.__file__)"
         plain = run(code, root=tmp_path)
         assert plain.stdout.startswith(str(tmp_path)), plain.stderr
@@ -129,7 +129,7 @@ def test_every_point_of_the_server_is_in_the_code_once() -> None:
 
 def test_every_point_in_the_code_is_listed_and_every_listed_point_is_in_the_code() -> None:
     texts = [
-        path.read_text() for path in (ROOT / "workers").glob("*.py") if path.name != "faults.py"
+        path.read_text() for path in (ROOT / "workers").rglob("*.py") if path.name != "faults.py"
     ]
     found = {point for point in faults.POINTS if any(f'"{point}"' in text for text in texts)}
     assert found == set(faults.POINTS)

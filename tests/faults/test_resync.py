@@ -10,11 +10,11 @@ import pytest
 
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import BOOT_ID, HOST_ID, Host
-from workers.config import HostConfig, ValkeyConfig
-from workers.identity import Identity
-from workers.keys import create_key
-from workers.store import Store
-from workers.uplink import Uplink
+from workers.base.config import HostConfig, ValkeyConfig
+from workers.base.signatures import create_key
+from workers.base.valkey_store import ValkeyStore
+from workers.enrollment.host_identity import HostIdentity
+from workers.uplink.uplink import Uplink
 
 EVENTS_COUNT = 10_000
 WITHIN_S = 60.0
@@ -44,8 +44,8 @@ async def test_ten_thousand_events_are_told_within_a_minute(
         made = Uplink(
             config,
             host.journal,
-            Identity(key, Path("-"), None, None),
-            Store("unix:///nowhere"),
+            HostIdentity(key, Path("-"), None, None),
+            ValkeyStore("unix:///nowhere"),
             lambda _: None,
         )
         began_s = time.monotonic()

@@ -20,7 +20,7 @@ import pytest
 
 from tests.faults import cells
 from tests.faults.cells import Seen
-from workers import faults, injection
+from workers.base import fault_injection, faults
 
 KINDS = ("kill", "raise", "disk_full", "fsync", "timeout", "partial")
 
@@ -81,7 +81,8 @@ CELLS = [(place, kind) for place, row in rows().items() for kind in KINDS]
 pytestmark = [
     pytest.mark.timeout(300),
     pytest.mark.skipif(
-        platform.machine() not in injection.NUMBERS or not hasattr(ctypes.CDLL(None), "prctl"),
+        platform.machine() not in fault_injection.NUMBERS
+        or not hasattr(ctypes.CDLL(None), "prctl"),
         reason="disks are broken by seccomp, here on a machine without a table of its calls",
     ),
 ]

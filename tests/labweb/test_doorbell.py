@@ -12,8 +12,8 @@ from kombu.message import Message
 
 from labweb.common import queue
 from labweb.domain.messages import Signed
-from workers.app import make_accept_app
-from workers.config import HostConfig, ValkeyConfig
+from workers.base.celery_apps import make_accept_app
+from workers.base.config import HostConfig, ValkeyConfig
 
 SIGNED = Signed(body="{}", key_id="k", signature="s")
 

@@ -33,11 +33,11 @@ from labweb.domain.messages import Sighting
 from tests.fixtures.running import ROOT
 from tests.ros2.conftest import Peer
 from tests.workers.bench import HOST_ID
-from workers import announce
-from workers.config import DdsConfig, DiscoveryConfig, HostConfig, ValkeyConfig
-from workers.discovery import Discovery, read_announcement
-from workers.keys import HostKey, load_key
-from workers.store import Store
+from workers.base.config import DdsConfig, DiscoveryConfig, HostConfig, ValkeyConfig
+from workers.base.signatures import HostKey, load_key
+from workers.base.valkey_store import ValkeyStore
+from workers.enrollment import announce
+from workers.enrollment.discovery import Discovery, read_announcement
 
 DOMAIN = 77
 
@@ -96,7 +96,7 @@ def telling() -> Iterator[Announcements]:
 
 
 @pytest.fixture
-def discovery(tmp_path: Path, store: Store) -> Iterator[Discovery]:
+def discovery(tmp_path: Path, store: ValkeyStore) -> Iterator[Discovery]:
     wanted = DiscoveryConfig(dds=DdsConfig(domain=DOMAIN))
     config = HostConfig(
         host_id=HOST_ID,
@@ -113,12 +113,12 @@ def discovery(tmp_path: Path, store: Store) -> Iterator[Discovery]:
     made.close()
 
 
-def sightings(store: Store) -> list[Sighting]:
+def sightings(store: ValkeyStore) -> list[Sighting]:
     return [msgspec.json.decode(one, type=Sighting) for one in store.take_sightings(100)]
 
 
 def test_a_device_that_announces_itself_over_dds_is_kept_for_the_inbox(
-    telling: Announcements, discovery: Discovery, store: Store
+    telling: Announcements, discovery: Discovery, store: ValkeyStore
 ) -> None:
     found: list[Sighting] = []
     said = signed(serial="0815")
@@ -154,7 +154,7 @@ def test_who_joins_while_listeners_are_counted_does_no_harm() -> None:
 
 
 def test_a_stranger_on_the_bus_neither_drowns_nor_ends_it(
-    telling: Announcements, discovery: Discovery, store: Store
+    telling: Announcements, discovery: Discovery, store: ValkeyStore
 ) -> None:
     with pytest.raises(DefinitionError):
         telling.say(b"x" * (LONGEST_BEACON_BYTES + 1))
@@ -195,11 +195,11 @@ def cdr(text: bytes) -> bytes:
 
 
 def test_the_command_announces_what_a_file_says(
-    tmp_path: Path, discovery: Discovery, store: Store
+    tmp_path: Path, discovery: Discovery, store: ValkeyStore
 ) -> None:
     said = {"name": "Stirrer", "serial": "11", "port": 5000, "address": "192.0.2.9"}
     (tmp_path / "device.json").write_text(json.dumps(said))
-    command = [sys.executable, "-m", "workers.announce", str(tmp_path / "device.json")]
+    command = [sys.executable, "-m", "workers.enrollment.announce", str(tmp_path / "device.json")]
     command += ["--key", str(tmp_path / "device.key"), "--domain", str(DOMAIN), "--every", "1"]
     found: list[Sighting] = []
 

@@ -27,14 +27,14 @@ from labweb.domain.errors import DefinitionError, RejectedError
 from labweb.domain.messages import Ask, AskTold, DeviceConfig, WithdrawAsk
 from tests.ros2.conftest import SHARE, Peer
 from tests.workers.bench import DEVICE_ID, HOST_ID, Server, a_device
-from workers.config import HostConfig, Ros2Config, ValkeyConfig, load_config
-from workers.journal import Journal, create_journal
+from workers.base.config import HostConfig, Ros2Config, ValkeyConfig, load_config
+from workers.base.valkey_store import ASKS, ASKS_TOLD, StatusSample, ValkeyStore
+from workers.journal.journal import Journal, create_journal
 from workers.ros2.__main__ import files_of
 from workers.ros2.bridge import Bridge
 from workers.ros2.mapping import action_name, action_text, parameter_value, parameters_of
-from workers.session import open_session
-from workers.store import ASKS, ASKS_TOLD, Sample, Store
-from workers.telling import Word
+from workers.uplink.host_reports import BridgeWish
+from workers.uplink.session import open_session
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -59,7 +59,7 @@ def a_heater() -> DeviceConfig:
 class Sampling:
     """Keeps the latest values fresh, as a line does."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: ValkeyStore) -> None:
         self.store = store
         self.value: float | None = 21.5
         self.ending = threading.Event()
@@ -72,7 +72,7 @@ class Sampling:
             count += 1
             if self.value is not None:
                 at_s, mono_s = time.time(), time.monotonic()
-                sample = Sample(str(DEVICE_ID), "temperature_c", at_s, mono_s, self.value)
+                sample = StatusSample(str(DEVICE_ID), "temperature_c", at_s, mono_s, self.value)
                 self.store.put("line", [sample], count)
 
 
@@ -95,7 +95,7 @@ def config(tmp_path: Path, valkey_socket: Path, domain: int) -> HostConfig:
 
 
 @pytest.fixture
-def sampling(store: Store) -> Iterator[Sampling]:
+def sampling(store: ValkeyStore) -> Iterator[Sampling]:
     found = Sampling(store)
     yield found
     found.ending.set()
@@ -182,7 +182,7 @@ def heat_to(bridge: Bridge, config: HostConfig) -> Iterator[ActionClient]:
     bus.close()
 
 
-def a_word(store: Store) -> Ask | WithdrawAsk:
+def a_word(store: ValkeyStore) -> Ask | WithdrawAsk:
     """Wait for what the bridge hands to the uplink."""
     found: list[bytes] = []
 
@@ -191,10 +191,10 @@ def a_word(store: Store) -> Ask | WithdrawAsk:
         return found
 
     until(take)
-    return msgspec.json.decode(found[0], type=Word).frame
+    return msgspec.json.decode(found[0], type=BridgeWish).frame
 
 
-def tell(store: Store, ask_id: UUID, state: str, **rest: Any) -> None:  # noqa: ANN401 - any field
+def tell(store: ValkeyStore, ask_id: UUID, state: str, **rest: Any) -> None:  # noqa: ANN401 - any field
     store.put_word(ASKS_TOLD, msgspec.json.encode(AskTold(ask_id=ask_id, state=state, **rest)))
 
 
@@ -226,7 +226,7 @@ HEAT = {"temperature_c": 60.0, "tolerance_c": 2.0}
 
 
 def test_a_goal_is_a_wish_to_the_server_and_ends_as_its_run_does(
-    heat_to: ActionClient, store: Store
+    heat_to: ActionClient, store: ValkeyStore
 ) -> None:
     sending = Sending(heat_to, HEAT)
     ask = a_word(store)
@@ -245,7 +245,7 @@ def test_a_goal_is_a_wish_to_the_server_and_ends_as_its_run_does(
     assert json.loads(result["evidence"]) == told
 
 
-def test_a_cancelled_goal_withdraws_the_wish(heat_to: ActionClient, store: Store) -> None:
+def test_a_cancelled_goal_withdraws_the_wish(heat_to: ActionClient, store: ValkeyStore) -> None:
     sending = Sending(heat_to, HEAT)
     ask = a_word(store)
     assert isinstance(ask, Ask)
@@ -258,7 +258,7 @@ def test_a_cancelled_goal_withdraws_the_wish(heat_to: ActionClient, store: Store
 
 
 def test_a_goal_that_the_server_refuses_is_not_accepted(
-    heat_to: ActionClient, store: Store
+    heat_to: ActionClient, store: ValkeyStore
 ) -> None:
     sending = Sending(heat_to, HEAT)
     tell(store, a_word(store).ask_id, "refused", is_final=True, message="off")
@@ -267,7 +267,7 @@ def test_a_goal_that_the_server_refuses_is_not_accepted(
 
 
 def test_a_goal_that_does_not_fit_the_action_never_leaves_the_host(
-    heat_to: ActionClient, store: Store
+    heat_to: ActionClient, store: ValkeyStore
 ) -> None:
     with pytest.raises(RejectedError):
         heat_to.begin({"temperature_c": 1e9, "tolerance_c": 1.0}, lambda _: None, WAIT_S)
@@ -275,7 +275,7 @@ def test_a_goal_that_does_not_fit_the_action_never_leaves_the_host(
 
 
 def test_a_goal_that_nobody_answers_is_refused_and_withdrawn(
-    heat_to: ActionClient, store: Store
+    heat_to: ActionClient, store: ValkeyStore
 ) -> None:
     sending = Sending(heat_to, HEAT)
     ask = a_word(store)

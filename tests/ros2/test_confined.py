@@ -19,20 +19,20 @@ from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.types import Types
 from tests.workers.bench import ROOT, environment
-from workers import confine
-from workers.bounds import segments_of
-from workers.datagrams import Card, Segment, find_card
+from workers.sandbox import confinement
+from workers.sandbox.address_bounds import segments_of
+from workers.sandbox.datagram_proxy import DatagramSegment, NetworkCard, find_card
 
 guarded = pytest.mark.skipif(
-    not confine.has_guards(), reason="the kernel has no Landlock with ports, or asks no guard"
+    not confinement.has_proxies(), reason="the kernel has no Landlock with ports, or asks no guard"
 )
 DOMAIN = 78
 TOPIC, MESSAGE = "/confined", "std_msgs/msg/String"
 
 LINE = f"""
 import sys, threading
-from workers.bounds import segments_of
-from workers.confine import Bounds, confine
+from workers.sandbox.address_bounds import segments_of
+from workers.sandbox.confinement import Bounds, confine
 
 url = sys.argv[1]
 confine(Bounds(segments=segments_of([url]), has_interfaces=True))
@@ -57,8 +57,8 @@ bus.close()
 
 SENDS = """
 import ctypes, errno, json, socket, struct, sys, threading
-from workers.bounds import segments_of
-from workers.confine import Bounds, confine
+from workers.sandbox.address_bounds import segments_of
+from workers.sandbox.confinement import Bounds, confine
 
 url, card, port, names = sys.argv[1], sys.argv[2], int(sys.argv[3]), json.loads(sys.argv[4])
 confine(Bounds(segments=segments_of([url]), has_interfaces=True))
@@ -110,7 +110,7 @@ print(json.dumps(found))
 """
 
 
-def a_card() -> Card | None:
+def a_card() -> NetworkCard | None:
     """The card with which this machine would speak to another network; None: it has none."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
         try:
@@ -224,8 +224,8 @@ def _sends(url: str, card: str, port: int, names: dict[str, tuple[str, int]]) ->
     return found
 
 
-CARD = Card(2, IPv4Interface("192.0.2.2/24"))
-SEGMENT = Segment("192.0.2.2", ("239.255.0.1", 7400), frozenset({"198.51.100.7"}))
+CARD = NetworkCard(2, IPv4Interface("192.0.2.2/24"))
+SEGMENT = DatagramSegment("192.0.2.2", ("239.255.0.1", 7400), frozenset({"198.51.100.7"}))
 
 
 @pytest.mark.parametrize(

@@ -141,8 +141,8 @@ def test_a_confined_line_speaks_ros(peer: Peer, domain: int) -> None:
 import sys
 from drivers.transports.urls import make_transport
 from drivers.virtual.ros2_node import Ros2Node
-from workers.bounds import segments_of
-from workers.confine import Bounds, confine, is_possible
+from workers.sandbox.address_bounds import segments_of
+from workers.sandbox.confinement import Bounds, confine, is_possible
 if not is_possible():
     print("UNCONFINED")
     sys.exit()

@@ -16,7 +16,7 @@ from tests.ros2.conftest import Peer
 from tests.twin.labs import body
 from twin.robot import Robot, robot_of
 from twin.state import Snapshot
-from workers.ros2.scene import Scene, begin
+from workers.ros2.scene import SceneTopics, begin
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -29,8 +29,8 @@ def robot() -> Robot:
 
 
 @pytest.fixture
-def telling(bus: Bus, robot: Robot) -> Iterator[Scene]:
-    scene, ending = Scene(bus, lambda: 1_700_000_000.25), threading.Event()
+def telling(bus: Bus, robot: Robot) -> Iterator[SceneTopics]:
+    scene, ending = SceneTopics(bus, lambda: 1_700_000_000.25), threading.Event()
 
     def tell() -> None:
         while not ending.wait(0.05):
@@ -43,7 +43,9 @@ def telling(bus: Bus, robot: Robot) -> Iterator[Scene]:
     thread.join()
 
 
-def test_who_comes_late_gets_the_description(peer: Peer, telling: Scene, robot: Robot) -> None:
+def test_who_comes_late_gets_the_description(
+    peer: Peer, telling: SceneTopics, robot: Robot
+) -> None:
     time.sleep(0.5)
     found = peer.ask(
         "listen", topic="/robot_description", type="std_msgs/msg/String", count=1, lasting=True
@@ -51,7 +53,7 @@ def test_who_comes_late_gets_the_description(peer: Peer, telling: Scene, robot: 
     assert [message["data"] for _, message in found] == [robot.description]
 
 
-def test_joints_reach_a_real_node(peer: Peer, telling: Scene, robot: Robot) -> None:
+def test_joints_reach_a_real_node(peer: Peer, telling: SceneTopics, robot: Robot) -> None:
     found = peer.ask("listen", topic="/joint_states", type="sensor_msgs/msg/JointState", count=3)
     _, message = found["found"][0]
     assert dict(zip(message["name"], message["position"], strict=True)) == robot.joints
@@ -59,7 +61,7 @@ def test_joints_reach_a_real_node(peer: Peer, telling: Scene, robot: Robot) -> N
 
 
 def test_transforms_are_told_under_the_name_and_type_that_tf2_listens_to(
-    peer: Peer, bus: Bus, telling: Scene, robot: Robot
+    peer: Peer, bus: Bus, telling: SceneTopics, robot: Robot
 ) -> None:
     heard: list[Plain] = []
     bus.subscribe("/tf", "tf2_msgs/msg/TFMessage", heard.append)
@@ -92,7 +94,7 @@ def test_a_transform_is_laid_out_as_a_real_node_reads_it(peer: Peer, bus: Bus) -
 
 
 def test_nothing_is_told_while_nobody_knows_how_the_lab_is(bus: Bus) -> None:
-    scene = Scene(bus)
+    scene = SceneTopics(bus)
     scene.hear(None)
     assert scene._told == ""
 

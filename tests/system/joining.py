@@ -1,4 +1,4 @@
-"""A machine that joins: `workers.join` and `workers.host` as processes of their own."""
+"""A machine that joins: `workers.enrollment.join` and `workers.host` as processes of their own."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ from websockets.exceptions import ConnectionClosed
 from labweb.domain.enrollment.join import SERVER_NAME, Offer, code_of
 from labweb.domain.enrollment.sighting import Beacon, beacon_bytes
 from tests.system.stack import CHECKOUT, Stack
-from workers.identity import key_hash
-from workers.keys import HostKey
+from workers.base.signatures import HostKey
+from workers.enrollment.host_identity import key_hash
 
 CODE = re.compile(r"^\s+([0-9A-Z]{4}-[0-9A-Z]{4}-[0-9A-Z]{4})$", re.MULTILINE)
 
@@ -62,8 +62,8 @@ class Machine:
         self.process: subprocess.Popen[bytes] | None = None
 
     def begin(self, *arguments: str) -> None:
-        """Start `workers.join`; its output goes to the log."""
-        self.start("workers.join", "--data", str(self.folder), *arguments)
+        """Start `workers.enrollment.join`; its output goes to the log."""
+        self.start("workers.enrollment.join", "--data", str(self.folder), *arguments)
 
     def run(self) -> None:
         """Start the host."""

@@ -14,8 +14,8 @@ import psycopg
 
 from tests.system.stack import Stack, is_over
 from tests.system.test_survival import start, volume_nl
-from workers.config import load_config
-from workers.journal import Journal
+from workers.base.config import load_config
+from workers.journal.journal import Journal
 
 VOLUME, VOLUME_NL = "4 mL", 4_000_000
 RATE = "2 mL/min"
@@ -144,7 +144,7 @@ def frozen(pids: Iterable[int]) -> Iterator[None]:
 
 def host_pids(stack: Stack) -> list[int]:
     """Find every process of the edge host, its supervisor first."""
-    supervisor = stack.pid("workers.host")
+    supervisor = stack.pid("workers.host --config")
     children = Path(f"/proc/{supervisor}/task/{supervisor}/children").read_text().split()
     assert len(children) > 3, children
     return [supervisor, *map(int, children)]

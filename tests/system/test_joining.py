@@ -33,7 +33,7 @@ from tests.system.joining import (
 )
 from tests.system.stack import Stack, free_port, running
 from tests.system.turning import SEEN, Turning, a_turning_pump, begun, take_up
-from workers.join import fetch_authority
+from workers.enrollment.join import fetch_authority
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 

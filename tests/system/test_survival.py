@@ -36,7 +36,7 @@ def is_moving(run: dict[str, Any]) -> bool:
         ("web", "uvicorn"),
         ("dispatcher", "dispatcher"),
         ("broker", BROKER),
-        ("host", "workers.host"),
+        ("host", "workers.host --config"),
     ],
 )
 def test_kill_9_in_the_middle_of_a_run_does_not_spoil_it(

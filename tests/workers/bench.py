@@ -36,16 +36,16 @@ from labweb.domain.messages import (
     Welcome,
     event_hash,
 )
-from workers.accept import Receipt, accept
-from workers.clock import SystemClock
-from workers.drivers import Drivers, DriverStore
-from workers.executor import Executor
-from workers.files import Files
-from workers.journal import Journal, create_journal
-from workers.line import make_units
-from workers.session import arm, open_session
-from workers.store import Store
-from workers.unit import Unit
+from workers.base.system_clock import HostClock
+from workers.base.valkey_store import ValkeyStore
+from workers.journal.command_acceptance import Receipt, accept
+from workers.journal.journal import Journal, create_journal
+from workers.line.action_files import ActionFiles
+from workers.line.device_unit import DeviceUnit
+from workers.line.driver_store import DriverLoader, DriverStore
+from workers.line.executor import Executor
+from workers.line.line_process import make_units
+from workers.uplink.session import arm, open_session
 
 MODULE = "drivers.connectors.tricontinent_c3000"
 SPACE = UUID("7a3d7f0e-6d54-4f0e-9a43-3e6a1f9a1c11")
@@ -123,9 +123,9 @@ class PumpProcess:
         self.popen.communicate()
 
 
-def installed() -> Drivers:
+def installed() -> DriverLoader:
     """Loads what the package has, and nothing else."""
-    return Drivers(DriverStore(Path("/nowhere")), {})
+    return DriverLoader(DriverStore(Path("/nowhere")), {})
 
 
 @cache
@@ -222,16 +222,16 @@ class Host:
         assert arm(self.journal)
         self.line = line_key(self.url)
         self.woken: list[str] = []
-        self.units: dict[UUID, Unit] = {}
+        self.units: dict[UUID, DeviceUnit] = {}
         """Those of the executor."""
 
     def take(self, command: Command) -> Receipt:
         return accept(self.journal, self.server.sign(command), self.woken.append)
 
     @contextlib.contextmanager
-    def executor(self, store: Store | None = None) -> Iterator[Executor]:
+    def executor(self, store: ValkeyStore | None = None) -> Iterator[Executor]:
         """An executor whose devices are connected, after recovery."""
-        clock = SystemClock()
+        clock = HostClock()
         units = make_units([self.device], clock, installed())
         made = Executor(
             self.journal,
@@ -239,7 +239,7 @@ class Host:
             units,
             store=store,
             clock=clock,
-            files=Files(self.folder / "files" / "line"),
+            files=ActionFiles(self.folder / "files" / "line"),
         )
         self.units = units
         made.recover()

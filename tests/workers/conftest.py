@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from tests.workers.bench import BOOT_ID, Host, PumpProcess, until
-from workers.host import find_valkey
-from workers.store import Store
+from workers.base.valkey_store import ValkeyStore
+from workers.host.valkey_process import find_valkey
 
 
 @pytest.fixture(autouse=True)
@@ -28,7 +28,7 @@ def valkey_socket() -> Iterator[Path]:
             cwd=folder,
             stdout=subprocess.DEVNULL,
         )
-        store = Store(f"unix://{path}?db=0")
+        store = ValkeyStore(f"unix://{path}?db=0")
         until(store.ping)
         store.close()
         yield path
@@ -37,8 +37,8 @@ def valkey_socket() -> Iterator[Path]:
 
 
 @pytest.fixture
-def store(valkey_socket: Path) -> Iterator[Store]:
-    made = Store(f"unix://{valkey_socket}?db=0")
+def store(valkey_socket: Path) -> Iterator[ValkeyStore]:
+    made = ValkeyStore(f"unix://{valkey_socket}?db=0")
     made._redis.flushall()
     yield made
     made.close()

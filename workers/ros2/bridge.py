@@ -27,10 +27,11 @@ from drivers.transports.ros2.types import Types
 from labweb.domain.enrollment.spec import DriverSpec, StatusSpec
 from labweb.domain.errors import DefinitionError, LabError
 from labweb.domain.messages import DeviceConfig
-from workers.config import HostConfig, Ros2Config
-from workers.devices import fingerprint
-from workers.drivers import DriverStore, is_installed
-from workers.journal import Journal
+from workers.base.config import HostConfig, Ros2Config
+from workers.base.device_lines import fingerprint
+from workers.base.valkey_store import StatusSample, ValkeyStore
+from workers.journal.journal import Journal
+from workers.line.driver_store import DriverStore, is_installed
 from workers.ros2.goals import Goals
 from workers.ros2.mapping import (
     action_name,
@@ -41,7 +42,6 @@ from workers.ros2.mapping import (
     status_type,
 )
 from workers.ros2.scene import begin
-from workers.store import Sample, Store
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ class DeviceNode:
         self._serve()
         bus.add_node(space, fit_name(device.key))
 
-    def tell(self, sample: Sample, now_s: float) -> None:
+    def tell(self, sample: StatusSample, now_s: float) -> None:
         """Tell a value, unless it is stale."""
         found = self._topics.get(sample.status)
         period_s = self.device.statuses.get(sample.status, 0.0)
@@ -147,7 +147,7 @@ class Bridge:
             DefinitionError: The settings, or an interface, cannot be.
         """
         self._config, self._wanted = config, wanted
-        self._store = Store(config.valkey_url)
+        self._store = ValkeyStore(config.valkey_url)
         journal = Journal(config.journal_path)
         try:
             self._devices = sorted(journal.devices(), key=lambda one: one.id)
@@ -164,7 +164,7 @@ class Bridge:
         settings = LinkSettings(wanted.domain, wanted.address, tuple(wanted.peers))
         self.bus = Bus(settings, Types(Definitions(INTERFACES, texts)))
         self._goals = Goals(self._store, is_open=wanted.has_goals)
-        self._latest: dict[tuple[str, str], Sample] = {}
+        self._latest: dict[tuple[str, str], StatusSample] = {}
         self._ending = threading.Event()
         self.nodes: dict[UUID, DeviceNode] = {}
 

@@ -16,9 +16,9 @@ from drivers.transports.ros2.bus import Bus
 from labweb.domain.enrollment.spec import ActionSpec, check_arguments
 from labweb.domain.errors import LabError
 from labweb.domain.messages import Ask, AskTold, WithdrawAsk
+from workers.base.valkey_store import ASKS, ASKS_TOLD, ValkeyStore
 from workers.ros2.mapping import action_arguments
-from workers.store import ASKS, ASKS_TOLD, Store
-from workers.telling import Word
+from workers.uplink.host_reports import BridgeWish
 
 log = logging.getLogger(__name__)
 
@@ -42,7 +42,7 @@ class _Open:
 class Goals:
     """The wishes that wait, of all devices of one host."""
 
-    def __init__(self, store: Store, *, is_open: bool) -> None:
+    def __init__(self, store: ValkeyStore, *, is_open: bool) -> None:
         self._store = store
         self._is_open = is_open
         self._lock = threading.RLock()
@@ -88,7 +88,7 @@ class Goals:
             wish.decide(REFUSED)
 
     def _put(self, frame: Ask | WithdrawAsk) -> bool:
-        return self._store.put_word(ASKS, msgspec.json.encode(Word(time.monotonic(), frame)))
+        return self._store.put_word(ASKS, msgspec.json.encode(BridgeWish(time.monotonic(), frame)))
 
     def _cancel(self, goal: Goal) -> bool:
         ask_id = UUID(bytes=goal.id)

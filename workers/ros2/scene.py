@@ -21,7 +21,7 @@ TWIN = "twin.robot"
 DESCRIPTION, TRANSFORMS, JOINTS = "/robot_description", "/tf", "/joint_states"
 
 
-class Placed(Protocol):
+class PlacedLink(Protocol):
     """Where one link stands, metres and (x, y, z, w)."""
 
     @property
@@ -34,18 +34,18 @@ class Placed(Protocol):
     def xyzw(self) -> tuple[float, float, float, float]: ...  # noqa: D102
 
 
-class Robot(Protocol):
+class RobotDescription(Protocol):
     """A lab at one moment."""
 
     @property
     def description(self) -> str: ...  # noqa: D102 - as in the twin
     @property
-    def placed(self) -> Sequence[Placed]: ...  # noqa: D102
+    def placed(self) -> Sequence[PlacedLink]: ...  # noqa: D102
     @property
     def joints(self) -> Mapping[str, float]: ...  # noqa: D102
 
 
-class Scene:
+class SceneTopics:
     """Tells one lab."""
 
     def __init__(self, bus: Bus, wall_s: Callable[[], float] = time.time) -> None:
@@ -55,7 +55,7 @@ class Scene:
         self._transforms = bus.publisher(TRANSFORMS, "tf2_msgs/msg/TFMessage")
         self._joints = bus.publisher(JOINTS, "sensor_msgs/msg/JointState")
 
-    def hear(self, robot: Robot | None) -> None:
+    def hear(self, robot: RobotDescription | None) -> None:
         """Tell the lab as it is now; nothing, while nobody knows how it is."""
         if robot is None:
             return
@@ -64,7 +64,7 @@ class Scene:
         except LabError as error:
             log.warning("the scene cannot be told: %s", error)
 
-    def _tell(self, robot: Robot) -> None:
+    def _tell(self, robot: RobotDescription) -> None:
         if robot.description != self._told:
             self._told = robot.description
             self._description.publish({"data": robot.description})
@@ -81,7 +81,7 @@ class Scene:
             )
 
 
-def _transform(placed: Placed, stamp: dict[str, int]) -> dict[str, Any]:
+def _transform(placed: PlacedLink, stamp: dict[str, int]) -> dict[str, Any]:
     translation = dict(zip("xyz", placed.position_m, strict=True))
     rotation = dict(zip("xyzw", placed.xyzw, strict=True))
     return {
@@ -91,7 +91,7 @@ def _transform(placed: Placed, stamp: dict[str, int]) -> dict[str, Any]:
     }
 
 
-def begin(bus: Bus, twin_config: Path, rate_hz: float) -> Scene:
+def begin(bus: Bus, twin_config: Path, rate_hz: float) -> SceneTopics:
     """Follow the lab and tell it, on a thread.
 
     Raises:
@@ -102,6 +102,6 @@ def begin(bus: Bus, twin_config: Path, rate_hz: float) -> Scene:
     except ImportError as error:
         text = f"{error}: this host lacks the extra twin"
         raise DefinitionError(text, code="ros2.no_scene") from error
-    scene = Scene(bus)
+    scene = SceneTopics(bus)
     twin.follow(twin_config, scene.hear, every_s=1.0 / rate_hz)
     return scene

@@ -20,9 +20,9 @@ from labweb.domain.messages import (
     TryoutTold,
     WireRecord,
 )
-from workers.tryouts.child import Said, Start, Wish
-from workers.tryouts.driving import Driving
-from workers.tryouts.simulator import Simulator
+from workers.tryouts.driver_control import DriverControl
+from workers.tryouts.driver_process import DriverCall, DriverReply, DriverStart
+from workers.tryouts.simulated_instrument import SimulatedInstrument
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ LOOK_S = 0.5
 Tell = Callable[[TryoutTold], None]
 
 
-class Tryout:
+class RunningTryout:
     """Runs until it is told to end, nobody asks anything of it, or its time is over."""
 
     def __init__(
@@ -46,8 +46,8 @@ class Tryout:
         self._order, self._modules = order, dict(modules)
         self._tell, self._environment = tell, environment
         self._folder = Path(tempfile.mkdtemp(prefix="lw-"))
-        self._simulator: Simulator | None = None
-        self._driving: Driving | None = None
+        self._simulator: SimulatedInstrument | None = None
+        self._control: DriverControl | None = None
         self._mark = ""
         self._starting = asyncio.Lock()
         self._ended = asyncio.Event()
@@ -61,7 +61,7 @@ class Tryout:
         """Start both processes, watch them, and end them."""
         order = self._order
         try:
-            self._simulator = await Simulator.start(
+            self._simulator = await SimulatedInstrument.start(
                 self._folder, order.model, order.settings, order.speed, self._environment
             )
             await self._ready()
@@ -116,7 +116,7 @@ class Tryout:
             said = await self._carry_out(ask)
         except LabError as error:
             effect = error.effect.value
-            said = Said(ask.number, error.code, error.message[:2000], effect)
+            said = DriverReply(ask.number, error.code, error.message[:2000], effect)
         if ask.sort == "end":
             self.end("its author ended it")
             return
@@ -134,7 +134,7 @@ class Tryout:
         )
         self._say(await self._with_faults(told), left_out)
 
-    async def _carry_out(self, ask: TryoutAsk) -> Said:
+    async def _carry_out(self, ask: TryoutAsk) -> DriverReply:
         simulator = self._simulator
         if simulator is None:
             raise StateError("the simulated instrument is not up yet", code="tryout.starting")
@@ -145,42 +145,44 @@ class Tryout:
         elif ask.sort == "act":
             return await self._act(ask)
         elif ask.sort in {"read", "stop"}:
-            driving = await self._ready()
-            return await driving.ask(_wish(ask), ask.within_s)
-        return Said(ask.number)
+            control = await self._ready()
+            return await control.ask(_wish(ask), ask.within_s)
+        return DriverReply(ask.number)
 
-    async def _act(self, ask: TryoutAsk) -> Said:
+    async def _act(self, ask: TryoutAsk) -> DriverReply:
         """Have the driver act; one action at a time, as on a line."""
         if self._is_acting:
             text = "another action runs: wait for its end, or stop it"
             raise StateError(text, code="tryout.acting")
         self._is_acting = True
         try:
-            driving = await self._ready()
-            return await driving.ask(_wish(ask), ask.within_s)
+            control = await self._ready()
+            return await control.ask(_wish(ask), ask.within_s)
         finally:
             self._is_acting = False
             self._asked_s = time.monotonic()
 
-    async def _ready(self) -> Driving:
+    async def _ready(self) -> DriverControl:
         """Return the driver's process; another one if it has ended, or the line is another."""
         async with self._starting:
             simulator = self._simulator
             assert simulator is not None  # noqa: S101 - the caller has started it
             mark = simulator.mark()
-            driving = self._driving
-            if driving is not None and driving.is_running and mark in {self._mark, ""}:
-                return driving
-            if driving is not None:
-                await driving.end()
+            control = self._control
+            if control is not None and control.is_running and mark in {self._mark, ""}:
+                return control
+            if control is not None:
+                await control.end()
             if not mark:
                 text = "the line of the simulated instrument is unplugged"
                 raise DeviceError(text, code="tryout.unplugged", effect=Effect.NONE)
             order = self._order
-            start = Start(self._modules, order.class_name, simulator.url, order.config, order.speed)
-            self._driving = await Driving.start(start, self._environment)
+            start = DriverStart(
+                self._modules, order.class_name, simulator.url, order.config, order.speed
+            )
+            self._control = await DriverControl.start(start, self._environment)
             self._mark = mark
-            return self._driving
+            return self._control
 
     def _records(self) -> tuple[list[WireRecord], int]:
         return ([], 0) if self._simulator is None else self._simulator.new_records()
@@ -200,13 +202,13 @@ class Tryout:
     async def _close(self) -> None:
         for task in list(self._asks):
             task.cancel()
-        if self._driving is not None:
-            await self._driving.end()
+        if self._control is not None:
+            await self._control.end()
         if self._simulator is not None:
             await self._simulator.end()
         shutil.rmtree(self._folder, ignore_errors=True)
         log.info("tryout %s ends: %s", self.id, self._why)
 
 
-def _wish(ask: TryoutAsk) -> Wish:
-    return Wish(ask.number, ask.sort, ask.name, ask.args)
+def _wish(ask: TryoutAsk) -> DriverCall:
+    return DriverCall(ask.number, ask.sort, ask.name, ask.args)

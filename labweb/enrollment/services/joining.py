@@ -105,7 +105,7 @@ def make_token(
 def join_command(token: str) -> str:
     """Return what is typed on the new host; without a door, its address is left to fill in."""
     address = settings.EDGE_ADDRESS or "ADDRESS:PORT"
-    return f"python -m workers.join --server {address} --token {token}"
+    return f"python -m workers.enrollment.join --server {address} --token {token}"
 
 
 @atomic

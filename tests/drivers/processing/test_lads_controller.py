@@ -33,7 +33,7 @@ from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
 from tests.drivers.conformance.cases import CONTROLLERS, TEMPER
 from tests.drivers.conformance.placed_models import Bench, Doing, do, running, sent_by
 from tests.fixtures.running import ROOT, until
-from workers.confine import landlock_abi
+from workers.sandbox.confinement import landlock_abi
 
 CASE = next(case for case in CONTROLLERS if case.model == "lads_controller")
 SETS = INSTRUMENTS / "opcua"
@@ -322,7 +322,7 @@ def test_devices_of_one_server_share_its_line() -> None:
 
 CONFINED = """
 import sys
-from workers.confine import Bounds, confine
+from workers.sandbox.confinement import Bounds, confine
 confine(Bounds(addresses=(("127.0.0.1", int(sys.argv[1])),)))
 from drivers.transports.urls import make_transport
 line = make_transport(f"opc.tcp://127.0.0.1:{sys.argv[1]}")

@@ -45,7 +45,7 @@ from tests.drivers.conformance.placed_models import (
     running,
 )
 from tests.fixtures.running import ROOT, until
-from workers.confine import landlock_abi
+from workers.sandbox.confinement import landlock_abi
 
 CASE = next(case for case in CONTROLLERS if case.model == "sila_controller")
 PUBLISHED = INSTRUMENTS / "sila2/org/silastandard/examples/TemperatureController.sila.xml"
@@ -313,7 +313,7 @@ def test_devices_of_one_server_share_its_line() -> None:
 CONFINED = """
 import sys
 from pathlib import Path
-from workers.confine import Bounds, confine
+from workers.sandbox.confinement import Bounds, confine
 confine(Bounds(addresses=(("127.0.0.1", int(sys.argv[1])),), readable=(Path(sys.argv[2]),)))
 from drivers.transports.urls import make_transport
 line = make_transport(f"sila://127.0.0.1:{sys.argv[1]}?ca={sys.argv[2]}")

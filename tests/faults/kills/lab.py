@@ -1,8 +1,8 @@
 """One edge host as real processes that are forked, not started: a kill costs little.
 
-Each process runs what `workers.run` runs for the supervisor: the Celery worker that accepts,
-one Celery worker for each line, the uplink. Broker and server stand outside, as do the pumps,
-which count for themselves what they were made to do.
+Each process runs what `workers.host.process_main` runs for the supervisor: the Celery worker that
+accepts, one Celery worker for each line, the uplink. Broker and server stand outside, as do the
+pumps, which count for themselves what they were made to do.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from labweb.domain.messages import Command, DeviceConfig, EdgeEvent, EdgeFrame, 
 from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, HOST_ID, SPACE, Server, a_device, until
 from tests.workers.hub import Hub
-from workers import faults
-from workers.app import ACCEPT, make_host_app, wake
-from workers.config import HostConfig, ValkeyConfig, command_queue, line_queue
-from workers.host import RING_EVERY_S, find_valkey
-from workers.journal import Journal, create_journal
-from workers.keys import create_key
-from workers.run import main as run_process
-from workers.session import record_boot
-from workers.store import Store
+from workers.base import faults
+from workers.base.celery_apps import ACCEPT, make_host_app, wake
+from workers.base.config import HostConfig, ValkeyConfig, command_queue, line_queue
+from workers.base.signatures import create_key
+from workers.base.valkey_store import ValkeyStore
+from workers.host.process_main import main as run_process
+from workers.host.supervisor import RING_EVERY_S
+from workers.host.valkey_process import find_valkey
+from workers.journal.journal import Journal, create_journal
+from workers.uplink.session import record_boot
 
 # What a worker imports only when it starts: here before the fork.
 PRELOADED = (
@@ -128,7 +129,7 @@ class Lab:
         broker = self.config.broker_url
         self.celery = Celery("server", broker=broker, set_as_current=False, fixups=[])
         self.host_app = make_host_app(self.config)
-        self.store = Store(self.config.valkey_url)
+        self.store = ValkeyStore(self.config.valkey_url)
         self._rung_s = 0.0
         self.processes: dict[str, ForkServerProcess] = {}
         self.line_pids: set[int] = set()
@@ -153,7 +154,7 @@ class Lab:
         popen = subprocess.Popen(command, cwd=self.folder, stdout=subprocess.DEVNULL)
         self.stack.callback(popen.wait)
         self.stack.callback(popen.kill)
-        store = Store(f"unix://{socket}?db=0")
+        store = ValkeyStore(f"unix://{socket}?db=0")
         until(store.ping)
         store.close()
 

@@ -17,7 +17,7 @@ import msgspec
 from labweb.domain.messages import Command, Do, EdgeEvent, Resolve
 from tests.faults.kills.lab import Bench, Lab
 from tests.workers.bench import BOOT_ID, HOST_ID, a_bottle, a_do, a_syringe, by_position
-from workers.journal import check_journal
+from workers.journal.journal import check_journal
 
 AGAIN_S = 0.5
 """How soon a command that nobody answered is sent again."""

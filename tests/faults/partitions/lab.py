@@ -30,15 +30,15 @@ from tests.faults.kills.lab import Ledger
 from tests.faults.netns import Net
 from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, SPACE, Server, a_bottle, a_device, a_do, a_syringe, until
-from workers import patience, uplink
-from workers.app import ACCEPT
-from workers.config import HostConfig, ValkeyConfig, command_queue
-from workers.host import find_valkey
-from workers.journal import Journal, create_journal
-from workers.keys import create_key
-from workers.run import main as run_process
-from workers.session import record_boot
-from workers.store import Store
+from workers.base.celery_apps import ACCEPT
+from workers.base.config import HostConfig, ValkeyConfig, command_queue
+from workers.base.signatures import create_key
+from workers.base.valkey_store import ValkeyStore
+from workers.host.process_main import main as run_process
+from workers.host.valkey_process import find_valkey
+from workers.journal.journal import Journal, create_journal
+from workers.uplink import reconnect_backoff, uplink
+from workers.uplink.session import record_boot
 
 SERVER = "server"
 HOSTS = ("a", "b", "c")
@@ -127,7 +127,7 @@ class Host:
         )
         self.stack.callback(popen.wait)
         self.stack.callback(popen.kill)
-        store = Store(self.config.valkey_url)
+        store = ValkeyStore(self.config.valkey_url)
         until(store.ping)
         store.close()
         self._fork(context, "uplink")
@@ -256,7 +256,7 @@ class Lab:
         )
         self.stack.callback(popen.wait)
         self.stack.callback(popen.kill)
-        store = Store(f"redis://{address}:6390/0")
+        store = ValkeyStore(f"redis://{address}:6390/0")
         until(store.ping)
         store.close()
         broker = f"redis://{address}:6390/3"
@@ -279,5 +279,5 @@ def become(tag: str, names: list[str], name: str, argv: list[str], log: str) -> 
     os.environ["LABWEB_BOOT_ID"] = BOOT_ID
     Net(tag, names).enter(name)
     uplink.SILENCE_S, uplink.ACK_TIMEOUT_S, uplink.HANDSHAKE_S = 3.0, 2.0, 3.0
-    patience.LONGEST_RETRY_S = 1.0
+    reconnect_backoff.LONGEST_RETRY_S = 1.0
     run_process(argv)

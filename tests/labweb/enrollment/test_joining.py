@@ -25,8 +25,8 @@ from labweb.enrollment import selectors, services
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.runs import services as run_services
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched
-from workers.identity import signing_request
-from workers.keys import HostKey
+from workers.base.signatures import HostKey
+from workers.enrollment.host_identity import signing_request
 
 
 @pytest.fixture(autouse=True)

@@ -38,15 +38,15 @@ from tests.drivers.conformance.placed_models import a_free_port
 from tests.fixtures.hand_bench import a_document, a_vessel
 from tests.fixtures.running import ROOT, Process
 from tests.workers.bench import Server
-from tests.workers.test_confine import a_config, confining
-from tests.workers.test_files import NAMES, SHORT
-from workers.accept import accept
-from workers.bell import hang
-from workers.config import HostConfig, line_queue
-from workers.files import WaitingFiles
-from workers.journal import Journal, create_journal
-from workers.keys import create_key
-from workers.session import arm, open_session
+from tests.workers.line.test_action_files import NAMES, SHORT
+from tests.workers.sandbox.test_confinement import a_config, confining
+from workers.base.config import HostConfig, line_queue
+from workers.base.signatures import create_key
+from workers.base.wake_pipe import hang
+from workers.journal.command_acceptance import accept
+from workers.journal.journal import Journal, create_journal
+from workers.line.action_files import WaitingFiles
+from workers.uplink.session import arm, open_session
 
 DRIVER = "drivers.characterization.magritek_spinsolve:MagritekSpinsolve"
 
@@ -162,7 +162,7 @@ def test_a_spectrum_comes_from_the_wire_to_the_record_of_its_sample(
     config.files_of(line).mkdir(parents=True)
     (folder / "host.json").write_bytes(msgspec.json.encode(config))
     done = subprocess.run(
-        [sys.executable, "-m", "tests.workers.line_probe", str(folder / "host.json"), line],
+        [sys.executable, "-m", "tests.workers.line.line_probe", str(folder / "host.json"), line],
         cwd=ROOT, env=dict(os.environ), capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

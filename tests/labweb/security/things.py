@@ -33,8 +33,8 @@ from tests.builders import HEAT, Bench, a_started_run, a_user, an_edge, to_trans
 from tests.labweb.enrollment.driver_texts import approved, proposed, timer
 from tests.labweb.instrument_files import TRACE
 from tests.labweb.photos import a_photo
-from workers.identity import signing_request
-from workers.keys import HostKey
+from workers.base.signatures import HostKey
+from workers.enrollment.host_identity import signing_request
 
 
 def a_file(bench: Bench) -> File:

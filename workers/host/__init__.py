@@ -1,0 +1,1 @@
+"""The processes of an edge host, and the supervisor that starts and watches them."""

@@ -1,0 +1,65 @@
+"""What keeps a line from trying an action at all, before its device is asked anything."""
+
+from __future__ import annotations
+
+from labweb.domain.crutd.operations import Read
+from labweb.domain.enrollment.admission import refusal
+from labweb.domain.messages import Do
+from labweb.domain.runs import batch, edge, standing
+from labweb.domain.runs.edge import Answer
+from labweb.domain.runs.journal import ActionRow
+from workers.journal.journal import Journal
+from workers.line import action_execution
+from workers.line.device_unit import DeviceUnit
+from workers.line.line_thread import LineThread
+
+
+def is_waiting(journal: Journal, do: Do) -> bool:
+    """Say whether its batch lets an action wait; spares the device a question too."""
+    if do.batch is None:
+        return False
+    away_s = standing.offline_s(journal.host_state(), journal.moment())
+    turn = batch.turn_of(journal, do.batch, away_s)
+    answer = None if turn is None else batch.decide_turn(turn)
+    return answer is not None and answer.kind == edge.HOLD
+
+
+def is_for_next(journal: Journal, do: Do, unit: DeviceUnit) -> bool:
+    """Say whether an action waits for a version of the driver that is about to take over."""
+    if do.driver_digest == unit.config.digest:
+        return False
+    coming = [*journal.devices(), *journal.staged()]
+    return any(device.id == do.device_id and device.digest == do.driver_digest for device in coming)
+
+
+def problem(
+    journal: Journal, thread: LineThread, row: ActionRow, unit: DeviceUnit | None
+) -> Answer | None:
+    """Say why an action can never start here; None: nothing that is known before a reading."""
+    do = row.do
+    if not thread.is_signed(row, journal.command_keys()):
+        return Answer(edge.REJECT, "edge.bad_signature", "no known key signed this action")
+    if unit is None:
+        if any(device.id == row.device_id for device in journal.devices()):
+            return None
+        return Answer(edge.REJECT, "edge.unknown_device", "the device is not served here")
+    if do.driver_digest != unit.config.digest:
+        text = "the action was approved for another version of the driver"
+        return Answer(edge.REJECT, "edge.driver_digest", text)
+    if not unit.has_action(do.action) and not action_execution.is_plain_read(do, unit):
+        return Answer(edge.REJECT, "edge.no_action", f"the driver has no action {do.action!r}")
+    if unit.has_action(do.action):
+        code, text = refusal(unit.config.admission, do.action, do.args)
+        return Answer(edge.REJECT, code, text) if code else None
+    return None
+
+
+def is_given_up(journal: Journal, row: ActionRow) -> bool:
+    """Say whether an action that only waits for a reading was cancelled, or the lab stopped.
+
+    What has moved or set anything is still given its time: its end is to be known.
+    """
+    if not isinstance(row.operation, Read):
+        return False
+    now = journal.action(row.action_id)
+    return now is not None and now.is_cancel_wanted
