@@ -28,7 +28,7 @@ from typing import Any, ClassVar
 from fixtures.instruments.actuations import Actuation
 from fixtures.instruments.faults import COMMON_FAULTS
 from fixtures.instruments.instrument import Setting, BenchSurroundings
-from fixtures.instruments.text import TextInstrument
+from fixtures.instruments.transports.text import TextInstrument
 
 Span = tuple[float, float]
 Effect = tuple[str, Any]

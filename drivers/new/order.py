@@ -66,7 +66,7 @@ class DriverOrder:
     @property
     def instrument_path(self) -> Path:
         """File of the simulated instrument."""
-        return Path("fixtures", "instruments", f"{self.name}.py")
+        return Path("fixtures", "instruments", self.folder, f"{self.name}.py")
 
     @property
     def test_path(self) -> Path:
@@ -130,8 +130,9 @@ def _check_name(root: Path, name: str) -> list[Finding]:
         return [Finding("driver.new", message, "name")]
     places = [*(Path("drivers", one, f"{name}.py") for one in CLASSES)]
     places += [Path("tests", "drivers", one, f"test_{name}.py") for one in CLASSES]
-    places.append(Path("fixtures", "instruments", f"{name}.py"))
     there = [place for place in places if (root / place).exists()]
+    instruments = sorted((root / "fixtures" / "instruments").rglob(f"{name}.py"))
+    there += [place.relative_to(root) for place in instruments]
     if there:
         message = f"{there[0]} is there already: take another name, or work on that file"
         return [Finding("driver.new", message, "name")]

@@ -53,7 +53,8 @@ def write_order(root: Path, order: DriverOrder) -> list[Path]:
 
 def _texts(root: Path, order: DriverOrder) -> dict[Path, str]:
     models, places, probes = ((root / path).read_text("utf-8") for path in LISTS)
-    line = f"from fixtures.instruments.{order.name} import {order.instrument_class_name}\n"
+    module = ".".join(order.instrument_path.with_suffix("").parts)
+    line = f"from {module} import {order.instrument_class_name}\n"
     at = models.find("from fixtures.instruments.")
     with_import = models[:at] + line + models[at:] if at >= 0 else models
     question, answer = b"identify []", f'ok "{order.name}"'.encode()
