@@ -34,7 +34,7 @@ MOST_OFTEN_S = 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class WantedReading:
     """A wanted reading, and how far from it is near enough."""
 
     value: float
@@ -102,7 +102,7 @@ def refuse_untaken(name: str, taken: float, asked: float, *, resolution: float) 
 def await_reading(
     driver: Driver[Any, Any],
     read: Callable[[], float],
-    wanted: Wanted,
+    wanted: WantedReading,
     *,
     limit_s: float,
     poll_s: float,
@@ -152,7 +152,7 @@ class Progress:
     past the goal may swing back in its own time.
     """
 
-    def __init__(self, wanted: Wanted, limit_s: float) -> None:
+    def __init__(self, wanted: WantedReading, limit_s: float) -> None:
         self._wanted = wanted
         self._window_s = max(SHORTEST_PROGRESS_S, limit_s * PROGRESS_RATIO)
         self._first: float | None = None
@@ -204,7 +204,7 @@ class Progress:
 def watch_reading(
     driver: Driver[Any, Any],
     read: Callable[[], float],
-    wanted: Wanted,
+    wanted: WantedReading,
     *,
     duration_s: float,
     poll_s: float,
@@ -250,7 +250,7 @@ def await_true(
     driver.pause(0)
 
 
-def refuse_unless_near(read: float, wanted: Wanted) -> None:
+def refuse_unless_near(read: float, wanted: WantedReading) -> None:
     """Refuse to hold what is not reached yet.
 
     Raises:
@@ -303,7 +303,7 @@ def once_started(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Control:
+class TemperatureControl:
     """How a driver brings a temperature to a setpoint and keeps it there.
 
     The times are settings of the driver: `settle_s`, `reach_limit_s`, `grace_s` and `poll_s`.
@@ -330,7 +330,7 @@ class Control:
             DeviceError: As `await_reading`, after it was ended (PARTIAL or UNKNOWN).
         """
         config = self.driver.config
-        wanted = Wanted(temperature_c, tolerance_c, "°C", config.settle_s)
+        wanted = WantedReading(temperature_c, tolerance_c, "°C", config.settle_s)
         if self.before is not None:
             self.before(temperature_c)
         with once_started(self.end, self.describe, driver=self.driver):
@@ -360,7 +360,7 @@ class Control:
             DeviceError: As `watch_reading`, after it was ended (PARTIAL or UNKNOWN).
         """
         config = self.driver.config
-        wanted = Wanted(temperature_c, tolerance_c, "°C")
+        wanted = WantedReading(temperature_c, tolerance_c, "°C")
         refuse_unless_near(reading_c, wanted)
         if self.before is not None:
             self.before(temperature_c)

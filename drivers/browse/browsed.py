@@ -13,7 +13,7 @@ from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, StatusSpec
 from labweb.domain.errors import Finding
 
 
-class Binding(msgspec.Struct, frozen=True, kw_only=True):
+class NodeBinding(msgspec.Struct, frozen=True, kw_only=True):
     """What is behind a name of the spec."""
 
     node: str
@@ -34,7 +34,7 @@ class Browsed(msgspec.Struct, frozen=True, kw_only=True):
     """What a server says about one device."""
 
     spec: DriverSpec
-    bindings: dict[str, Binding]
+    bindings: dict[str, NodeBinding]
 
 
 @dataclass
@@ -43,10 +43,10 @@ class Collected:
 
     statuses: list[StatusSpec] = field(default_factory=list)
     actions: list[ActionSpec] = field(default_factory=list)
-    bindings: dict[str, Binding] = field(default_factory=dict)
+    bindings: dict[str, NodeBinding] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
 
-    def add(self, told: StatusSpec | ActionSpec, binding: Binding) -> None:
+    def add(self, told: StatusSpec | ActionSpec, binding: NodeBinding) -> None:
         """Keep one, unless its name is taken or is none."""
         if not told.name.isidentifier() or told.name in self.bindings:
             self.refuse("name", f"the name {told.name!r} is taken or is none", binding.node)
@@ -77,7 +77,7 @@ class Collected:
         return sealed(spec, self.bindings)
 
 
-def sealed(spec: DriverSpec, bindings: Mapping[str, Binding]) -> Browsed:
+def sealed(spec: DriverSpec, bindings: Mapping[str, NodeBinding]) -> Browsed:
     """Give a spec the digest of itself and of what is behind its names."""
     whole = msgspec.json.encode([spec, dict(bindings)], order="sorted")
     digest = hashlib.sha256(whole).hexdigest()

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from drivers.browse.browsed import Binding, Browsed, sealed, snake
-from drivers.transports.opcua.nodes import Argument, Node, NodeName, Variable
+from drivers.browse.browsed import Browsed, NodeBinding, sealed, snake
+from drivers.transports.opcua.nodes import MethodArgument, Node, NodeName, Variable
 from drivers.transports.opcua.transport import OpcUaTransport
 from labweb.domain.enrollment.spec import (
     UNITS,
@@ -78,7 +78,7 @@ class _Walk:
     transport: OpcUaTransport
     statuses: list[StatusSpec] = field(default_factory=list)
     actions: list[ActionSpec] = field(default_factory=list)
-    bindings: dict[str, Binding] = field(default_factory=dict)
+    bindings: dict[str, NodeBinding] = field(default_factory=dict)
     plate: dict[str, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     seen: set[NodeName] = field(default_factory=set)
@@ -126,7 +126,7 @@ class _Walk:
         if told.is_readable:
             doc = told.doc or f"Tell {'/'.join(way)}."
             self.statuses.append(StatusSpec(name=value.name, value=value, doc=doc))
-            self.bindings[value.name] = Binding(node=str(node.id), factor=factor)
+            self.bindings[value.name] = NodeBinding(node=str(node.id), factor=factor)
         if told.is_writable:
             self._add_setter(node, value, factor, way)
 
@@ -142,7 +142,7 @@ class _Walk:
         name = f"set_{value.name}"
         doc = f"Write {'/'.join(way)}."
         self.actions.append(ActionSpec(name=name, parameters=(value,), doc=doc, recovery="R1"))
-        self.bindings[name] = Binding(node=str(node.id), factor=factor)
+        self.bindings[name] = NodeBinding(node=str(node.id), factor=factor)
 
     def _add_method(self, owner: Node, node: Node, way: tuple[str, ...]) -> None:
         told = self.transport.method(node.id)
@@ -158,12 +158,12 @@ class _Walk:
             return
         doc = told.doc or f"Call {'/'.join(way)}."
         self.actions.append(ActionSpec(name=name, parameters=parameters, doc=doc))
-        self.bindings[name] = Binding(
+        self.bindings[name] = NodeBinding(
             node=str(node.id), owner=str(owner.id), factor=factors.pop() if factors else 1.0
         )
 
     def _argument(
-        self, owner: Node, method: Node, one: Argument, way: tuple[str, ...]
+        self, owner: Node, method: Node, one: MethodArgument, way: tuple[str, ...]
     ) -> tuple[ParameterSpec, float] | None:
         """Map an argument; numbers have no unit of their own in OPC UA."""
         sort = self._sort(one.data_type, one.rank, (*way, one.name))

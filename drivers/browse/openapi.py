@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 
 import msgspec
 
-from drivers.browse.browsed import Binding, Browsed, Collected, snake
+from drivers.browse.browsed import Browsed, Collected, NodeBinding, snake
 from drivers.transports.http import HttpTransport
 from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, StatusSpec
 from labweb.domain.errors import DefinitionError, NotFoundError
@@ -152,7 +152,7 @@ class _Walk:
         """Keep a PUT that takes nothing."""
         name = snake((str(operation.get("operationId") or self.path),))
         doc = str(operation.get("summary") or f"Call PUT {self.path}.")
-        self.found.add(ActionSpec(name=name, doc=doc), Binding(node=f"PUT {self.path}"))
+        self.found.add(ActionSpec(name=name, doc=doc), NodeBinding(node=f"PUT {self.path}"))
 
     def _add(self, whole: Json, way: tuple[str, ...], subject: str, *, is_settable: bool) -> None:
         sort = whole.get("type")
@@ -171,7 +171,7 @@ class _Walk:
         )
         doc = value.doc or f"Tell {'.'.join(way)}."
         status = StatusSpec(name=value.name, value=value, doc=doc)
-        self.found.add(status, Binding(node=f"GET {subject}"))
+        self.found.add(status, NodeBinding(node=f"GET {subject}"))
         if is_settable:
             setter = ActionSpec(
                 name=f"set_{value.name}",
@@ -179,7 +179,7 @@ class _Walk:
                 doc=f"Put {'.'.join(way)}.",
                 recovery="R1",
             )
-            self.found.add(setter, Binding(node=f"PUT {subject}"))
+            self.found.add(setter, NodeBinding(node=f"PUT {subject}"))
 
     def _resolved(self, schema: Json) -> dict[str, Any]:
         """Join a schema with what it refers to; what stands beside a reference stays."""

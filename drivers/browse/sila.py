@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.browse.browsed import Binding, Browsed, Collected, snake
-from drivers.transports.sila.features import CORE, Command, Feature, Unit, Value
+from drivers.browse.browsed import Browsed, Collected, NodeBinding, snake
+from drivers.transports.sila.features import CORE, Feature, FeatureCommand, UnitConversion, Value
 from drivers.transports.sila.transport import SilaTransport
 from labweb.domain.enrollment.spec import UNITS, ActionSpec, JsonType, ParameterSpec, StatusSpec
 
@@ -76,11 +76,11 @@ def _add_status(found: Collected, feature: Feature, value: Value) -> None:
         return
     spec, factor, offset = mapped
     doc = value.doc or f"Tell {value.name}."
-    binding = Binding(node=subject, factor=factor, offset=offset)
+    binding = NodeBinding(node=subject, factor=factor, offset=offset)
     found.add(StatusSpec(name=spec.name, value=spec, doc=doc), binding)
 
 
-def _add_action(found: Collected, feature: Feature, command: Command) -> None:
+def _add_action(found: Collected, feature: Feature, command: FeatureCommand) -> None:
     subject = f"{feature.id}/{command.name}"
     mapped = [_value(found, one, f"{subject}/{one.name}") for one in command.parameters]
     known = [one for one in mapped if one is not None]
@@ -94,7 +94,7 @@ def _add_action(found: Collected, feature: Feature, command: Command) -> None:
     doc = command.doc or f"Call {command.name}."
     parameters = tuple(spec for spec, _, _ in known)
     spec = ActionSpec(name=snake((command.name,)), parameters=parameters, doc=doc)
-    found.add(spec, Binding(node=subject, factor=factor, offset=offset))
+    found.add(spec, NodeBinding(node=subject, factor=factor, offset=offset))
 
 
 def _value(
@@ -128,7 +128,7 @@ def _value(
     return spec, factor, offset
 
 
-def scale_of(unit: Unit) -> tuple[str, float, float] | None:
+def scale_of(unit: UnitConversion) -> tuple[str, float, float] | None:
     """Return our unit, and by what a number is multiplied and what is added to be in it.
 
     The published example writes Kelvin with the exponent 0 where 1 is meant; both are taken.

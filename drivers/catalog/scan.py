@@ -47,7 +47,7 @@ def scan(path: Path) -> Catalog:
         >>> [spec.class_name for spec in scan(PACKAGE / "virtual").drivers]
         ['HostTimer']
     """
-    found: list[Read] = []
+    found: list[InspectedDriver] = []
     findings: list[Finding] = []
     for file in _files(path):
         try:
@@ -101,14 +101,14 @@ def _file(module: str) -> Path:
     return Path(*module.split(".")).with_suffix(".py")
 
 
-class Read(msgspec.Struct, frozen=True):
+class InspectedDriver(msgspec.Struct, frozen=True):
     """One driver with the texts that its digest is of."""
 
     spec: DriverSpec
     texts: dict[str, str]
 
 
-def _catalog(found: list[Read], findings: Sequence[Finding]) -> Catalog:
+def _catalog(found: list[InspectedDriver], findings: Sequence[Finding]) -> Catalog:
     return Catalog(
         drivers=tuple(one.spec for one in found),
         findings=tuple(findings),
@@ -139,14 +139,14 @@ def inspect_file(path: Path) -> DriverSpec:
     return _only(source, _inspect(source))
 
 
-def _only(source: Source, found: list[Read]) -> DriverSpec:
+def _only(source: Source, found: list[InspectedDriver]) -> DriverSpec:
     if len(found) != 1:
         message = f"{source.path} holds {len(found)} device classes, not one"
         raise ConformanceError(message, findings=check_module(source))
     return found[0].spec
 
 
-def _inspect(source: Source, read: Reader = read_installed) -> list[Read]:
+def _inspect(source: Source, read: Reader = read_installed) -> list[InspectedDriver]:
     try:
         return _inspect_all(source, read)
     except (RecursionError, MemoryError) as error:
@@ -154,7 +154,7 @@ def _inspect(source: Source, read: Reader = read_installed) -> list[Read]:
         raise ConformanceError(finding.message, findings=[finding]) from error
 
 
-def _inspect_all(source: Source, read: Reader) -> list[Read]:
+def _inspect_all(source: Source, read: Reader) -> list[InspectedDriver]:
     shared = check_module(source)
     nodes = device_classes(source.tree)
     if not nodes:
@@ -166,7 +166,7 @@ def _inspect_all(source: Source, read: Reader) -> list[Read]:
         driver = read_class(source, node)
         findings = tuple(sorted((*shared, *check_driver(driver)), key=_place))
         spec = msgspec.structs.replace(build_spec(driver), digest=digest, findings=findings)
-        specs.append(Read(spec, texts))
+        specs.append(InspectedDriver(spec, texts))
     return specs
 
 

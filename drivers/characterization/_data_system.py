@@ -55,19 +55,19 @@ class Status(msgspec.Struct, frozen=True):
     run: str | None
 
 
-class Span(msgspec.Struct, frozen=True):
+class ClosedRange(msgspec.Struct, frozen=True):
     """A closed range."""
 
     min: float
     max: float
 
 
-class Method(msgspec.Struct, frozen=True):
+class DataSystemMethod(msgspec.Struct, frozen=True):
     """A method that the data system has."""
 
     name: str
     duration_s: float
-    injection_ul: Span
+    injection_ul: ClosedRange
 
 
 class Vial(msgspec.Struct, frozen=True):
@@ -77,7 +77,7 @@ class Vial(msgspec.Struct, frozen=True):
     is_present: bool
 
 
-class Problem(msgspec.Struct, frozen=True):
+class DataSystemProblem(msgspec.Struct, frozen=True):
     """Why a request was refused, or a run failed."""
 
     code: str
@@ -95,7 +95,7 @@ class StoredFile(msgspec.Struct, frozen=True):
     sha256: str
 
 
-class Run(msgspec.Struct, frozen=True):
+class DataSystemRun(msgspec.Struct, frozen=True):
     """One run."""
 
     id: str
@@ -105,7 +105,7 @@ class Run(msgspec.Struct, frozen=True):
     injection_ul: float
     sample: str
     progress: float
-    error: Problem | None
+    error: DataSystemProblem | None
     files: list[StoredFile]
 
 
@@ -118,7 +118,8 @@ def decode_told(reply: HttpReply, sort: type[Told]) -> Told:
     try:
         return msgspec.json.decode(reply.body, type=sort)
     except msgspec.MsgspecError as error:
-        text = f"the answer is no {sort.__name__.lower()}: {error}"
+        word = sort.__name__.removeprefix("DataSystem").lower()
+        text = f"the answer is no {word}: {error}"
         raise FrameError(text, context={"body": reply.body[:200].hex()}) from error
 
 
@@ -179,14 +180,14 @@ class DataSystem:
             raise DeviceError(f"the abort of run {run_id} failed with status {reply.status}")
         return run_id
 
-    def await_end(self, run_id: str, limit_s: float) -> Run:
+    def await_end(self, run_id: str, limit_s: float) -> DataSystemRun:
         """Wait until a run does not go on.
 
         Raises:
             DeviceError: It still does; UNKNOWN.
         """
         until_s = time.monotonic() + limit_s
-        while (run := self.ask(_path_of(run_id), Run)).state == "running":
+        while (run := self.ask(_path_of(run_id), DataSystemRun)).state == "running":
             if time.monotonic() > until_s:
                 raise DeviceError(f"run {run_id} was told to abort and goes on")
             self.driver.rest(self.poll_s())
@@ -219,7 +220,7 @@ class DataSystem:
             raise FrameError(f"the answer is no list of vials: {error}") from error
         if not any(one.position == vial and one.is_present for one in vials):
             raise RejectedError(f"no vial stands at {vial!r}")
-        known = self.ask(f"/methods/{quote(method, safe='')}", Method)
+        known = self.ask(f"/methods/{quote(method, safe='')}", DataSystemMethod)
         if not known.injection_ul.min <= injection_ul <= known.injection_ul.max:
             raise PreconditionError(
                 f"{injection_ul:g} µL were asked for; {method} injects "
@@ -228,18 +229,18 @@ class DataSystem:
             )
         return known.duration_s
 
-    def _begin(self, asked: dict[str, Any]) -> Run:
+    def _begin(self, asked: dict[str, Any]) -> DataSystemRun:
         """Start, once. A refusal by status did nothing; any other failure may have."""
         reply = self._post("/runs", msgspec.json.encode(asked))
         if reply.status != CREATED:
             raise _refusal(reply, "the run")
-        run = decode_told(reply, Run)
+        run = decode_told(reply, DataSystemRun)
         is_it = all(getattr(run, name) == value for name, value in asked.items())
         if not is_it or reply.headers.get("location") != _path_of(run.id):
             raise FrameError("the run that began is not the one asked for", context=asked)
         return run
 
-    def _follow(self, run: Run, lasts_s: float) -> Run:
+    def _follow(self, run: DataSystemRun, lasts_s: float) -> DataSystemRun:
         """Watch a run until it is done."""
         until_s = self.driver.deadline_s(lasts_s + SPARE_S)
         while run.state == "running":
@@ -251,14 +252,14 @@ class DataSystem:
                 self.driver.pause(self.poll_s())
             except DeviceStoppedError as error:
                 raise self._stopped(run.id, lasts_s) from error
-            run = self._own(self.ask(_path_of(run.id), Run), run)
+            run = self._own(self.ask(_path_of(run.id), DataSystemRun), run)
         if run.state != "done":
             if self.driver.is_stopped:
                 raise self._stopped(run.id, lasts_s)
             raise _ended_early(run, lasts_s, DeviceError)
         return run
 
-    def _own(self, told: Run, run: Run) -> Run:
+    def _own(self, told: DataSystemRun, run: DataSystemRun) -> DataSystemRun:
         same = ("id", "vial", "method", "injection_ul", "sample")
         if any(getattr(told, name) != getattr(run, name) for name in same):
             raise FrameError(f"the answer is of run {told.id}, not of {run.id}")
@@ -278,7 +279,7 @@ class DataSystem:
         with suppress(DeviceError):
             self.stop()
 
-    def _fetched(self, run: Run) -> tuple[DataFile, ...]:
+    def _fetched(self, run: DataSystemRun) -> tuple[DataFile, ...]:
         """Fetch the files of a run that is done; each has the size and the digest it should.
 
         Raises:
@@ -294,7 +295,7 @@ class DataSystem:
             error.message += f"; run {run.id} is done, and its files lie in the data system"
             raise
 
-    def _fetch(self, run: Run, told: StoredFile) -> DataFile:
+    def _fetch(self, run: DataSystemRun, told: StoredFile) -> DataFile:
         path = f"{_path_of(run.id)}/files/{quote(told.name, safe='')}"
         reply = self.driver.transport.get(path, timeout_s=FETCH_S, longest_bytes=MOST_FILE_BYTES)
         if reply.status != GOOD:
@@ -323,19 +324,19 @@ def _refusal(reply: HttpReply, what: str) -> DeviceError:
     if reply.status not in {NOT_FOUND, CONFLICT, INVALID}:
         text = f"{what} failed with status {reply.status}"
         return DeviceError(text, context={"status": reply.status})
-    told = decode_told(reply, Problem)
+    told = decode_told(reply, DataSystemProblem)
     return RejectedError(
         f"{what} was refused: {told.detail or told.code}",
         context={"status": reply.status, "reason": told.code},
     )
 
 
-def _ended_early(run: Run, lasts_s: float, sort: type[DeviceError]) -> DeviceError:
+def _ended_early(run: DataSystemRun, lasts_s: float, sort: type[DeviceError]) -> DeviceError:
     """Return the failure of a run that has ended, and how much of its injection is gone.
 
     Later than the first seconds all of it was drawn. Before, nobody knows.
     """
-    told = run.error or Problem(code=run.state)
+    told = run.error or DataSystemProblem(code=run.state)
     context: dict[str, Any] = {"run": run.id, "reason": told.code}
     is_drawn = run.progress * lasts_s > DRAWN_AFTER_S and told.code != "vial.empty"
     if is_drawn:

@@ -26,7 +26,7 @@ BANDWIDTH_PER_RATE = 4.0
 _TYPE = re.compile(rb"(?:^|\n)(t(espico[0-9]*)#[^\n]*\n[RB]\*\n)")
 
 
-class Mode(NamedTuple):
+class EmstatMode(NamedTuple):
     """How the front end works, appendix B."""
 
     name: str
@@ -41,12 +41,12 @@ class Mode(NamedTuple):
 
 
 MODES = {
-    "low_speed": Mode("low_speed", 2, -1.25, 2.0, 2.2, 100.0, 0.04),
-    "high_speed": Mode("high_speed", 3, -1.7, 2.0, 1.214, 200_000.0, 0.01),
+    "low_speed": EmstatMode("low_speed", 2, -1.25, 2.0, 2.2, 100.0, 0.04),
+    "high_speed": EmstatMode("high_speed", 3, -1.7, 2.0, 1.214, 200_000.0, 0.01),
 }
 
 
-def lines_before(mode: Mode, interval_s: float, coarsest_a: float) -> list[str]:
+def lines_before(mode: EmstatMode, interval_s: float, coarsest_a: float) -> list[str]:
     """Return the lines that set channel, mode and ranges.
 
     Raises:
@@ -81,7 +81,7 @@ def ordered(*potentials_v: float) -> tuple[str, str]:
 
 
 def refuse_potentials(
-    mode: Mode, low_v: float, high_v: float, potentials_v: tuple[float, ...]
+    mode: EmstatMode, low_v: float, high_v: float, potentials_v: tuple[float, ...]
 ) -> None:
     """Refuse what the mode or the cell of this lab do not bear.
 

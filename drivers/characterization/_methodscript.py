@@ -83,7 +83,7 @@ CYCLIC = Technique("cyclic_voltammetry", "0005", (TIME, SET_POTENTIAL, CURRENT))
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ScriptPoint:
     """One point, in SI units."""
 
     time_s: float
@@ -169,7 +169,7 @@ def decode_refusal(line: str) -> RejectedError | None:
     )
 
 
-def decode_package(line: str, technique: Technique, cycle: int) -> Point:
+def decode_package(line: str, technique: Technique, cycle: int) -> ScriptPoint:
     """Read a line of a point.
 
     Raises:
@@ -191,7 +191,7 @@ def decode_package(line: str, technique: Technique, cycle: int) -> Point:
         status |= int(marks[1], 16) if marks else 0
     if values[0] is None or values[1] is None:
         raise FrameError("a point has no time or no potential", context={"line": line[:200]})
-    return Point(values[0], values[1], values[2] if len(values) > 2 else None, status, cycle)
+    return ScriptPoint(values[0], values[1], values[2] if len(values) > 2 else None, status, cycle)
 
 
 def _value(digits: str | None, prefix: str | None) -> float | None:
@@ -202,11 +202,11 @@ def _value(digits: str | None, prefix: str | None) -> float | None:
 
 
 @dataclass(slots=True)
-class Output:
+class ScriptOutput:
     """What a script sends, line by line, until the empty one that ends it."""
 
     technique: Technique
-    points: list[Point] = field(default_factory=list)
+    points: list[ScriptPoint] = field(default_factory=list)
     is_over: bool = False
     _scans: int = 0
     _has_begun: bool = False
@@ -245,7 +245,7 @@ class Output:
             self.points.append(decode_package(line, self.technique, max(1, self._scans)))
 
 
-def summarise(output: Output) -> dict[str, Any]:
+def summarise(output: ScriptOutput) -> dict[str, Any]:
     """Tell how many points have come, their last potential, and their extreme currents."""
     points = output.points
     told: dict[str, Any] = {"technique": output.technique.name, "points_count": len(points)}
@@ -259,7 +259,9 @@ def summarise(output: Output) -> dict[str, Any]:
     return told
 
 
-def render_table(technique: Technique, points: Iterable[Point], facts: Iterable[str]) -> bytes:
+def render_table(
+    technique: Technique, points: Iterable[ScriptPoint], facts: Iterable[str]
+) -> bytes:
     """Write points as a table with units: format `csv` of `docs/files.md`."""
     has_current = CURRENT in technique.kinds
     head = "time (s),potential (V)" + (",current (A),cycle (1)" if has_current else "")

@@ -65,7 +65,7 @@ def plate_of(wells: str) -> Plate:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class PlateReading:
     """What one reading of a plate tells."""
 
     temperature_c: float
@@ -142,7 +142,7 @@ def decode_fields(frame: bytes, command: str) -> list[str]:
     return fields[1:]
 
 
-def decode_reading(text: str, plate: Plate, wavelengths_nm: Sequence[int]) -> Reading:
+def decode_reading(text: str, plate: Plate, wavelengths_nm: Sequence[int]) -> PlateReading:
     r"""Read the block of `!TRANSFER`: a head, the wavelengths, then columns for each.
 
     Raises:
@@ -169,7 +169,7 @@ def decode_reading(text: str, plate: Plate, wavelengths_nm: Sequence[int]) -> Re
         if block[0].split("\t") != ["L:", str(wavelength)]:
             raise FrameError(f"the data is not of {wavelength} nm", context={"line": block[0]})
         absorbances[wavelength] = dict(_wells(block[1:], plate))
-    return Reading(float(head[1]), absorbances)
+    return PlateReading(float(head[1]), absorbances)
 
 
 def _wells(lines: Iterable[str], plate: Plate) -> Iterable[tuple[str, float | None]]:
@@ -187,7 +187,7 @@ def _is_number(text: str) -> bool:
     return _NUMBER.fullmatch(text) is not None
 
 
-def render_table(reading: Reading) -> bytes:
+def render_table(reading: PlateReading) -> bytes:
     """Write a reading as a table with units: format `csv` of `docs/files.md`."""
     heads = [f"absorbance {one} nm (1)" for one in reading.absorbances]
     rows = [

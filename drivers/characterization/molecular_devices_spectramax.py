@@ -32,7 +32,13 @@ from drivers.characterization._spectramax import (
 from drivers.interfaces.plate_reader import PlateReader
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.base import ByteTransport
-from drivers.waiting import Control, await_true, once_started, refuse_beyond, refuse_untaken
+from drivers.waiting import (
+    TemperatureControl,
+    await_true,
+    once_started,
+    refuse_beyond,
+    refuse_untaken,
+)
 from labweb.domain.errors import FrameError, PreconditionError, RejectedError
 
 ANSWER_S = 5.0
@@ -227,8 +233,8 @@ class MolecularDevicesSpectramax(Driver[ByteTransport, Config], PlateReader, Tem
             self.halt()
             return Report(evidence=dict(self._told()))
 
-    def _control(self) -> Control:
-        return Control(
+    def _control(self) -> TemperatureControl:
+        return TemperatureControl(
             driver=self,
             read=self.temperature_c,
             begin=self._set_temperature,

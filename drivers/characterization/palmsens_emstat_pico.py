@@ -45,7 +45,7 @@ from drivers.characterization._methodscript import (
     LINEAR,
     MA_PER_A,
     OPEN_CIRCUIT,
-    Output,
+    ScriptOutput,
     Technique,
     decode_lines,
     decode_refusal,
@@ -100,7 +100,7 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
     _identity: bytes = b""
-    _output: Output | None = None
+    _output: ScriptOutput | None = None
     _planned_count: int = 1
     _is_measuring: bool = False
     _gap_s: float = 0.0
@@ -295,7 +295,7 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
         )
         refuse_too_many(count)
         script = encode_script([*front, *on], loop, technique)
-        output = Output(technique)
+        output = ScriptOutput(technique)
         with self.transport.lock, self._measuring(output, count, interval_s):
             rest = self._begin(script)
             with once_started(self.halt, lambda: summarise(output), driver=self):
@@ -303,7 +303,7 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
         return self._report(output)
 
     @contextmanager
-    def _measuring(self, output: Output, count: int, interval_s: float) -> Iterator[None]:
+    def _measuring(self, output: ScriptOutput, count: int, interval_s: float) -> Iterator[None]:
         self._output, self._planned_count = output, max(1, count)
         self._is_measuring, self._interval_s = True, interval_s
         try:
@@ -332,7 +332,7 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
             raise refusal
         return lines[1:]
 
-    def _follow(self, output: Output, lines: list[str]) -> None:
+    def _follow(self, output: ScriptOutput, lines: list[str]) -> None:
         """Read points until the script has ended."""
         # Where points come so fast that the line is never silent, a stop waits for the next one.
         unless = (lambda: self.is_stopped) if self._interval_s > SPARSE_S else None
@@ -354,14 +354,14 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
             lines = decode_lines(frame)
         refuse_short(len(output.points), self._planned_count)
 
-    def _take(self, output: Output, lines: list[str]) -> None:
+    def _take(self, output: ScriptOutput, lines: list[str]) -> None:
         try:
             output.take(lines)
         except DeviceError:
             self._gap_s = AFTER_ERROR_S
             raise
 
-    def _report(self, output: Output) -> Report:
+    def _report(self, output: ScriptOutput) -> Report:
         model = self._identity[1:].partition(b"#")[0].decode("ascii")
         table = render_table(output.technique, output.points, (f"instrument: {model}",))
         name = f"{output.technique.name}.csv"

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, NoReturn
 
 from drivers.base import Driver, Report, after_acting, before_acting
 from drivers.connectors._motion import (
-    Plunger,
+    SteppedPlunger,
     refuse_port,
     refuse_rate,
     run_stroke,
@@ -47,7 +47,7 @@ REFUSALS = frozenset({2, 3, 4, 7, 11, 15})
 """Codes after which, by the manual, nothing has moved."""
 
 
-class Reply(NamedTuple):
+class DtReply(NamedTuple):
     """A decoded answer."""
 
     is_idle: bool
@@ -75,7 +75,7 @@ def encode_query(address: str, query: str) -> bytes:
     return f"/{address}{query}\r".encode("ascii")
 
 
-def decode_reply(frame: bytes) -> Reply:
+def decode_reply(frame: bytes) -> DtReply:
     r"""Read an answer; line noise before its start is skipped.
 
     Raises:
@@ -89,7 +89,7 @@ def decode_reply(frame: bytes) -> Reply:
     if match is None:
         raise FrameError("answer is not in DT form", context={"frame": frame.hex()})
     status_byte = match[1][0]
-    return Reply(bool(status_byte & IDLE_BIT), status_byte & ERROR_MASK, match[2].decode("ascii"))
+    return DtReply(bool(status_byte & IDLE_BIT), status_byte & ERROR_MASK, match[2].decode("ascii"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class DtPump:
 
     driver: Driver[ByteTransport, Any]
     address: str
-    plunger: Plunger
+    plunger: SteppedPlunger
 
     def identify(self, firmware: str) -> None:
         """Ask for status, initialised flag and firmware. Nothing moves.
@@ -201,7 +201,7 @@ class DtPump:
             raise RejectedError(message, context={"error_code": code})
         raise DeviceError(message, effect=Effect.UNKNOWN, context={"error_code": code})
 
-    def _ask(self, query: str) -> Reply:
+    def _ask(self, query: str) -> DtReply:
         frame = encode_query(self.address, query)
         return decode_reply(self.driver.transport.exchange(frame, until=END, timeout_s=ANSWER_S))
 

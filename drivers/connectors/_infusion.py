@@ -40,7 +40,7 @@ class Barrel:
         refuse_slow_stroke(volume_ul / rate_ul_s)
 
 
-class Target(NamedTuple):
+class InfusionTarget(NamedTuple):
     """What was set in the pump."""
 
     volume_ul: float
@@ -51,7 +51,7 @@ class Target(NamedTuple):
 
 def run_to_target(
     driver: Driver[Any, Any],
-    target: Target,
+    target: InfusionTarget,
     *,
     begin: Callable[[], None],
     is_idle: Callable[[], bool],

@@ -45,7 +45,7 @@ class Mechanism(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Plunger:
+class SteppedPlunger:
     """A syringe driven in steps."""
 
     syringe_ul: float
@@ -96,7 +96,7 @@ class Plunger:
 
 def run_stroke(
     driver: Driver[Any, Any],
-    plunger: Plunger,
+    plunger: SteppedPlunger,
     mechanism: Mechanism,
     *,
     steps: int,
@@ -247,13 +247,13 @@ def _describe_standstill(
         error.effect = Effect.PARTIAL
 
 
-def _progress(plunger: Plunger, mechanism: Mechanism, before: int) -> dict[str, Any] | None:
+def _progress(plunger: SteppedPlunger, mechanism: Mechanism, before: int) -> dict[str, Any] | None:
     if not mechanism.knows_position():
         return None
     return _moved(plunger, before, mechanism.position())
 
 
-def _moved(plunger: Plunger, before: int, after: int) -> dict[str, Any]:
+def _moved(plunger: SteppedPlunger, before: int, after: int) -> dict[str, Any]:
     moved_ul = plunger.volume_ul(abs(after - before))
     return {"moved_ul": moved_ul, "steps_before": before, "steps_after": after}
 

@@ -40,7 +40,7 @@ REFUSALS = frozenset({0x01, 0x02, 0x04})
 """Answers to a command after which, by the manual, it was not begun."""
 
 
-class Reply(NamedTuple):
+class RunzeReply(NamedTuple):
     """A decoded answer."""
 
     status: int
@@ -59,7 +59,7 @@ def encode_request(address: int, function: int, value: int = 0) -> bytes:
     return body + sum(body).to_bytes(2, "little")  # section "Communication protocol": sum
 
 
-def decode_reply(frame: bytes, address: int) -> Reply:
+def decode_reply(frame: bytes, address: int) -> RunzeReply:
     """Read an answer, and make sure that it is whole and from this unit.
 
     Raises:
@@ -70,7 +70,7 @@ def decode_reply(frame: bytes, address: int) -> Reply:
         raise FrameError("answer has a wrong form or sum", context={"frame": frame.hex()})
     if body[1] != address:
         raise FrameError(f"unit {body[1]} answers instead of {address}")
-    return Reply(body[2], int.from_bytes(body[3:5], "little"))
+    return RunzeReply(body[2], int.from_bytes(body[3:5], "little"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,13 +144,13 @@ class RunzeUnit:
             self._fail(reply)
         return reply.status == DONE
 
-    def exchange(self, function: int) -> Reply:
+    def exchange(self, function: int) -> RunzeReply:
         """Ask, and return status and value as they came."""
         request = encode_request(self.address, function)
         frame = self.driver.transport.exchange(request, until=FRAME, timeout_s=ANSWER_S)
         return decode_reply(frame, self.address)
 
-    def _fail(self, reply: Reply) -> None:
+    def _fail(self, reply: RunzeReply) -> None:
         raise DeviceError(
             f"unit {self.address} reports {describe(reply.status)}",
             effect=Effect.UNKNOWN,

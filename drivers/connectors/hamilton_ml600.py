@@ -33,7 +33,7 @@ from drivers.base import (
     status,
 )
 from drivers.connectors._motion import (
-    Plunger,
+    SteppedPlunger,
     refuse_port,
     refuse_rate,
     run_stroke,
@@ -282,5 +282,5 @@ class HamiltonMl600(Driver[ByteTransport, Config], Pump, Valve):
         return int(data)
 
     @property
-    def _plunger(self) -> Plunger:
-        return Plunger(self.config.syringe_ul, STEPS_FULL_COUNT)
+    def _plunger(self) -> SteppedPlunger:
+        return SteppedPlunger(self.config.syringe_ul, STEPS_FULL_COUNT)

@@ -22,7 +22,7 @@ from typing import Annotated, ClassVar, NamedTuple
 import msgspec
 
 from drivers.base import Driver, Range, Report, action, before_acting, status
-from drivers.connectors._infusion import Barrel, Target, run_to_target
+from drivers.connectors._infusion import Barrel, InfusionTarget, run_to_target
 from drivers.interfaces.infusion_pump import InfusionPump
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
@@ -60,7 +60,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     address_index: Annotated[int, Range(0, 99)] = 0
 
 
-class Reply(NamedTuple):
+class HarvardReply(NamedTuple):
     """A decoded answer."""
 
     prompt: str
@@ -77,7 +77,7 @@ def encode_line(address: int, command: str) -> bytes:
     return f"{address}{command}\r\n".encode("ascii")
 
 
-def decode_reply(frame: bytes, address: int) -> Reply:
+def decode_reply(frame: bytes, address: int) -> HarvardReply:
     r"""Read the line with the prompt.
 
     Raises:
@@ -90,7 +90,7 @@ def decode_reply(frame: bytes, address: int) -> Reply:
     match = re.search(rb"(\d\d)(T\*|[:><*]) ?([\x20-\x7e\xb5]*)\r\n\Z", frame)
     if match is None or int(match[1]) != address:
         raise FrameError("answer is no line of this pump", context={"frame": frame.hex()})
-    return Reply(match[2].decode("ascii"), match[3].decode("latin-1").strip())
+    return HarvardReply(match[2].decode("ascii"), match[3].decode("latin-1").strip())
 
 
 def decode_quantity(text: str) -> float:
@@ -168,7 +168,7 @@ class HarvardElite11(Driver[ByteTransport, Config], InfusionPump):
             self._prepare(volume_ul, rate_ul_s, way)
         return run_to_target(
             self,
-            Target(volume_ul, rate_ul_s, max(1.0, volume_ul * COUNT_RATIO)),
+            InfusionTarget(volume_ul, rate_ul_s, max(1.0, volume_ul * COUNT_RATIO)),
             begin=lambda: self._begin(f"{way}run"),
             is_idle=self._is_idle,
             counted_ul=self.infused_ul if way == "i" else self.withdrawn_ul,
@@ -203,7 +203,7 @@ class HarvardElite11(Driver[ByteTransport, Config], InfusionPump):
     def _set(self, command: str) -> None:
         self._ask(command)
 
-    def _ask(self, command: str) -> Reply:
+    def _ask(self, command: str) -> HarvardReply:
         """Send a command; what the pump says that it does not take is refused."""
         frame = encode_line(self.config.address_index, command)
         answer = self.transport.exchange(frame, until=ANSWER, timeout_s=ANSWER_S)

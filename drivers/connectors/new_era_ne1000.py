@@ -23,7 +23,7 @@ from typing import Annotated, ClassVar, NamedTuple
 import msgspec
 
 from drivers.base import Driver, Range, Report, action, before_acting, status
-from drivers.connectors._infusion import Barrel, Target, run_to_target
+from drivers.connectors._infusion import Barrel, InfusionTarget, run_to_target
 from drivers.interfaces.infusion_pump import InfusionPump
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import DeviceError, DeviceTimeoutError, Effect, FrameError, RejectedError
@@ -63,7 +63,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     address_index: Annotated[int, Range(0, 99)] = 0
 
 
-class Reply(NamedTuple):
+class NewEraReply(NamedTuple):
     """A decoded answer."""
 
     prompt: str
@@ -91,7 +91,7 @@ def encode_number(value: float) -> str:
     return f"{value:.{max(0, MOST_DIGITS - whole)}f}"
 
 
-def decode_reply(frame: bytes, address: int) -> Reply:
+def decode_reply(frame: bytes, address: int) -> NewEraReply:
     r"""Read an answer of basic mode.
 
     Raises:
@@ -104,7 +104,7 @@ def decode_reply(frame: bytes, address: int) -> Reply:
     match = re.search(rb"\x02(\d\d)([IWSPTUXA])([\x20-\x7e]*)\x03\Z", frame)
     if match is None or int(match[1]) != address:
         raise FrameError("answer is not of this pump", context={"frame": frame.hex()})
-    return Reply(match[2].decode("ascii"), match[3].decode("ascii"))
+    return NewEraReply(match[2].decode("ascii"), match[3].decode("ascii"))
 
 
 class NewEraNe1000(Driver[ByteTransport, Config], InfusionPump):
@@ -172,7 +172,7 @@ class NewEraNe1000(Driver[ByteTransport, Config], InfusionPump):
             self._prepare(volume_ul, rate_ul_s, direction)
         return run_to_target(
             self,
-            Target(volume_ul, rate_ul_s, volume_ul / 1000),
+            InfusionTarget(volume_ul, rate_ul_s, volume_ul / 1000),
             begin=lambda: self._do("RUN"),
             is_idle=lambda: not self.is_running(),
             counted_ul=self.infused_ul if direction == "INF" else self.withdrawn_ul,
@@ -213,7 +213,7 @@ class NewEraNe1000(Driver[ByteTransport, Config], InfusionPump):
     def _do(self, command: str) -> None:
         self._ask(command)
 
-    def _ask(self, command: str) -> Reply:
+    def _ask(self, command: str) -> NewEraReply:
         """Send a command; alarms and what the pump does not take are raised."""
         reply = self._exchange(command)
         if reply.prompt == ALARM:
@@ -227,7 +227,7 @@ class NewEraNe1000(Driver[ByteTransport, Config], InfusionPump):
             raise RejectedError(f"{command}: the pump says {reply.data!r}")
         return reply
 
-    def _exchange(self, command: str) -> Reply:
+    def _exchange(self, command: str) -> NewEraReply:
         frame = encode_command(self.config.address_index, command)
         answer = self.transport.exchange(frame, until=ETX, timeout_s=ANSWER_S)
         return decode_reply(answer, self.config.address_index)

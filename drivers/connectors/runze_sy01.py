@@ -32,7 +32,7 @@ from drivers.base import (
 )
 from drivers.connectors._motion import (
     VALVE_S,
-    Plunger,
+    SteppedPlunger,
     limit_of,
     refuse_port,
     refuse_rate,
@@ -215,8 +215,8 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
             raise
 
     @property
-    def _plunger(self) -> Plunger:
-        return Plunger(self.config.syringe_ul, STEPS_FULL_COUNT)
+    def _plunger(self) -> SteppedPlunger:
+        return SteppedPlunger(self.config.syringe_ul, STEPS_FULL_COUNT)
 
     @property
     def _unit(self) -> RunzeUnit:

@@ -19,7 +19,7 @@ import msgspec
 
 from drivers.base import Accuracy, Driver, Range, Report, action, status
 from drivers.connectors._dt import DtPump
-from drivers.connectors._motion import Plunger
+from drivers.connectors._motion import SteppedPlunger
 from drivers.interfaces.pump import Pump
 from drivers.interfaces.valve import Valve
 from drivers.transports.base import ByteTransport
@@ -130,8 +130,8 @@ class RunzeSy03b(Driver[ByteTransport, Config], Pump, Valve):
         return self._pump.select_port(port_index, self.config.ports_count)
 
     @property
-    def _plunger(self) -> Plunger:
-        return Plunger(self.config.syringe_ul, STEPS_FULL_COUNT)
+    def _plunger(self) -> SteppedPlunger:
+        return SteppedPlunger(self.config.syringe_ul, STEPS_FULL_COUNT)
 
     @property
     def _pump(self) -> DtPump:

@@ -67,7 +67,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     max_speed_rpm: Annotated[int, Range(3, 400)] = 400
 
 
-class Told(NamedTuple):
+class WatsonMarlowStatus(NamedTuple):
     """What RS tells."""
 
     model: str
@@ -86,7 +86,7 @@ def encode_command(address: int, command: str) -> bytes:
     return f"{address}{command}\r".encode("ascii")
 
 
-def decode_status(frame: bytes) -> Told:
+def decode_status(frame: bytes) -> WatsonMarlowStatus:
     """Read the answer to RS.
 
     Raises:
@@ -100,7 +100,7 @@ def decode_status(frame: bytes) -> Told:
     if match is None:
         raise FrameError("answer is no status of the pump", context={"frame": frame.hex()})
     model, speed, direction, running = (part.decode("ascii") for part in match.groups())
-    return Told(model, float(speed), direction, running == "1")
+    return WatsonMarlowStatus(model, float(speed), direction, running == "1")
 
 
 def decode_echo(answer: bytes, frame: bytes) -> bytes:
@@ -235,7 +235,7 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
     def _rate_ul_s(self, speed_rpm: float) -> float:
         return speed_rpm * self.config.per_turn_ul / 60
 
-    def _status(self) -> Told:
+    def _status(self) -> WatsonMarlowStatus:
         frame = encode_command(self.config.address_index, "RS")
         answer = self.transport.exchange(frame, until=END, timeout_s=ANSWER_S, gap_s=GAP_S)
         return decode_status(decode_echo(answer, frame))

@@ -47,7 +47,7 @@ Position = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class GrblStatus:
     """A status report."""
 
     state: str
@@ -74,7 +74,7 @@ def encode_move(place_mm: Position, speed_mm_s: float) -> str:
     return f"G21 G90 G53 G1 X{x:.3f} Y{y:.3f} Z{z:.3f} F{speed_mm_s * S_PER_MIN:.1f}"
 
 
-def decode_report(frame: bytes) -> Seen:
+def decode_report(frame: bytes) -> GrblStatus:
     r"""Read a status report.
 
     Raises:
@@ -90,7 +90,7 @@ def decode_report(frame: bytes) -> Seen:
     state, step, x, y, z, feed = found.groups(default=b"")
     try:
         place = (float(x), float(y), float(z))
-        return Seen(state.decode("ascii"), step.decode("ascii"), place, float(feed))
+        return GrblStatus(state.decode("ascii"), step.decode("ascii"), place, float(feed))
     except ValueError as error:
         raise FrameError(
             "a number of the report is none", context={"frame": frame.hex()}

@@ -34,8 +34,8 @@ from drivers.logistics._grbl import (
     SETTINGS,
     STANDING,
     VERSION,
+    GrblStatus,
     Position,
-    Seen,
     decode_answer,
     decode_report,
     decode_settings,
@@ -311,7 +311,7 @@ class GrblGantry(Driver[ByteTransport, Config], Gantry):
         x, y, z = seen.place_mm
         return {"x_mm": x, "y_mm": y, "z_mm": z, "machine_state": seen.state}
 
-    def _seen(self) -> Seen:
+    def _seen(self) -> GrblStatus:
         frame = self.transport.exchange(ASK, until=b">\r\n", timeout_s=ANSWER_S)
         return decode_report(frame[max(frame.rfind(b"<"), 0) :])
 

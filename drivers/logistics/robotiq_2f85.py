@@ -73,7 +73,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class GripperState:
     """The input registers."""
 
     action: int
@@ -94,7 +94,7 @@ class State:
         return bool(self.action & ACTIVATE) and self.activation == ACTIVATED
 
 
-def decode_state(words: Sequence[int]) -> State:
+def decode_state(words: Sequence[int]) -> GripperState:
     """Read the input registers.
 
     Raises:
@@ -108,7 +108,7 @@ def decode_state(words: Sequence[int]) -> State:
     activation = high >> ACTIVATION_BITS & TWO_BITS
     if activation == 2:  # section 4.5: 0x02 is not used
         raise FrameError("activation status 2 is not used", context={"words": list(words)})
-    return State(
+    return GripperState(
         action=high & FOUR_BITS,
         activation=activation,
         found=high >> OBJECT_BITS & TWO_BITS,
@@ -278,7 +278,7 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
         """
         speed = steps_of(speed_mm_s, LOW_SPEED_MM_S, HIGH_SPEED_MM_S)
 
-        def is_over(state: State) -> bool:
+        def is_over(state: GripperState) -> bool:
             if state.asked != position or not state.action & GO_TO:
                 return False
             is_near = abs(state.position - position) <= NEAR_STEPS
@@ -295,7 +295,7 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
             self._await("move ended", is_over)
             return self._evidence()
 
-    def _ready(self) -> State:
+    def _ready(self) -> GripperState:
         """Return the state of a gripper that may be sent off."""
         state = self._state()
         if state.fault or not state.is_active:
@@ -318,7 +318,7 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
         await_true(self, look, what, limit_s=limit_s, poll_s=poll_s)
 
     @staticmethod
-    def _has_completed(state: State) -> bool:
+    def _has_completed(state: GripperState) -> bool:
         return state.is_active
 
     def _evidence(self) -> dict[str, Any]:
@@ -329,7 +329,7 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
             "current_ma": state.current * MA_PER_STEP,
         }
 
-    def _state(self) -> State:
+    def _state(self) -> GripperState:
         return decode_state(self.transport.read_registers(INPUT, WORDS, table="input"))
 
     def _write(self, words: list[int]) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.catalog.inspect import PACKAGE
-from drivers.new.order import CARRIERS, Order, take_order
+from drivers.new.order import CARRIERS, DriverOrder, take_order
 from drivers.new.role import role_names
 from drivers.new.write import write_order
 from labweb.domain.enrollment.bundle import CLASSES
@@ -58,9 +58,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _told(order: Order, written: Sequence[Path]) -> str:
+def _told(order: DriverOrder, written: Sequence[Path]) -> str:
     lines = [f"wrote    {path}\n" for path in written[:3]]
-    lines += [f"entered  {order.class_name} in {path}\n" for path in written[3:]]
+    lines += [f"entered  {order.name} in {path}\n" for path in written[3:]]
     lines.append(f"try it   .venv/bin/python -m pytest {order.test_path}\n")
     return "".join(lines)
 

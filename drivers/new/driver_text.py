@@ -5,8 +5,8 @@ from __future__ import annotations
 from string import Template
 from textwrap import indent
 
-from drivers.new.order import Order
-from drivers.new.role import Act, Tell
+from drivers.new.order import DriverOrder
+from drivers.new.role import RoleAction, Tell
 
 _CARRIER = {"serial": "9600 8N1", "tcp": "TCP"}
 
@@ -220,7 +220,7 @@ def check_of(text: bytes) -> str:
     return f"{total:02X}"
 
 
-def driver_text(order: Order) -> str:
+def driver_text(order: DriverOrder) -> str:
     """Write the driver; imports that it does not need are left to be taken out."""
     role = order.role
     nothing = "Nothing to send: it only reads."
@@ -253,7 +253,7 @@ def driver_text(order: Order) -> str:
     return "".join(parts)
 
 
-def _tail_text(order: Order) -> str:
+def _tail_text(order: DriverOrder) -> str:
     told = [f'"{tell.name}": self.{tell.name}()' for tell in order.role.tells]
     moved = _MOVED if order.role.moves else ""
     return _TAIL.substitute(moved=moved, evidence=", ".join(told)) + _ASK
@@ -264,7 +264,7 @@ def _tell_text(tell: Tell) -> str:
     return _TELL.substitute(name=tell.name, returns=kind, kind=kind, doc=_doc(tell.doc))
 
 
-def _act_text(act: Act) -> str:
+def _act_text(act: RoleAction) -> str:
     arguments = "".join(f", {one.name}: {one.annotation}" for one in act.arguments)
     hazards = "".join(f'"{one}", ' for one in act.hazards)
     is_read = act.operation == "read"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from string import Template
 
 from drivers.new.effects_table import EFFECTS, STANDING
-from drivers.new.order import Order
-from drivers.new.role import Act
+from drivers.new.order import DriverOrder
+from drivers.new.role import RoleAction
 
 _TEXT = Template('''\
 """$title, which speaks the lines of a new driver.
@@ -27,8 +27,8 @@ from typing import Any, ClassVar
 
 from fixtures.instruments.actuations import Actuation
 from fixtures.instruments.faults import COMMON_FAULTS
-from fixtures.instruments.instrument import Setting, Surroundings
-from fixtures.instruments.text import TextInstrument
+from fixtures.instruments.instrument import Setting, BenchSurroundings
+from fixtures.instruments.transports.text import TextInstrument
 
 Span = tuple[float, float]
 Effect = tuple[str, Any]
@@ -50,11 +50,11 @@ MOVES: Mapping[str, str] = $moves
 """Actions that move liquid, and the argument that says how much, in microlitres."""
 
 
-class RefusedError(Exception):
+class ${class_name}RefusedError(Exception):
     """It says no; the text is the reason."""
 
 
-class $class_name(TextInstrument):
+class $instrument_class_name(TextInstrument):
     """One instrument."""
 
     MODEL: ClassVar[str] = "$name"
@@ -69,7 +69,7 @@ class $class_name(TextInstrument):
     ATTACHES: ClassVar[str] = "nothing"
 
     def __init__(
-        self, instrument_id: str, settings: Mapping[str, Any], surroundings: Surroundings
+        self, instrument_id: str, settings: Mapping[str, Any], surroundings: BenchSurroundings
     ) -> None:
         super().__init__(instrument_id, settings, surroundings)
         self.act: Actuation | None = None
@@ -100,7 +100,7 @@ class $class_name(TextInstrument):
             return None
         try:
             reply = f"ok {json.dumps(self._obey(match[2], json.loads(match[3])))}"
-        except (RefusedError, ValueError, RecursionError) as error:
+        except (${class_name}RefusedError, ValueError, RecursionError) as error:
             reply = f"no {json.dumps(str(error))}"
         return f"{reply}*{check_of(reply)}"
 
@@ -121,14 +121,14 @@ class $class_name(TextInstrument):
             case "do", [str(name), *given] if name in ARGUMENTS:
                 self._begin(name, given)
                 return None
-        raise RefusedError("unknown command")
+        raise ${class_name}RefusedError("unknown command")
 
     def _begin(self, name: str, values: list[Any]) -> None:
         wanted = ARGUMENTS[name]
         if self.act is not None or self.faults.is_busy:
-            raise RefusedError("busy")
+            raise ${class_name}RefusedError("busy")
         if len(values) != len(wanted) or not all(map(is_allowed, values, wanted.values())):
-            raise RefusedError("arguments")
+            raise ${class_name}RefusedError("arguments")
         given = dict(zip(wanted, values, strict=True))
         self.moved_ul = 0.0
         self.since_s = self.clock.now_s()
@@ -191,7 +191,7 @@ def is_allowed(value: object, wanted: Span | type | frozenset[str]) -> bool:
 ''')
 
 
-def instrument_text(order: Order) -> str:
+def instrument_text(order: DriverOrder) -> str:
     """Write the simulated instrument; it shares nothing with the driver but the lines."""
     role = order.role
     told = {tell.name: tell.at_first for tell in role.tells}
@@ -205,6 +205,7 @@ def instrument_text(order: Order) -> str:
         folder=order.folder,
         carrier=order.carrier,
         class_name=order.class_name,
+        instrument_class_name=order.instrument_class_name,
         at_first=repr(told),
         arguments="{" + ", ".join(map(_arguments, role.acts)) + "}",
         effects=repr(effects),
@@ -213,7 +214,7 @@ def instrument_text(order: Order) -> str:
     )
 
 
-def _arguments(act: Act) -> str:
+def _arguments(act: RoleAction) -> str:
     parts = []
     for argument in act.arguments:
         wanted = type(argument.sample).__name__

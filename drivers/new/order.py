@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.catalog.inspect import known_interfaces
-from drivers.new.role import Role, read_role, role_names
+from drivers.new.role import DriverRole, read_role, role_names
 from labweb.domain.enrollment.bundle import CLASSES
 from labweb.domain.errors import DefinitionError, Finding
 
@@ -28,7 +28,7 @@ _TAKEN = frozenset({"Driver", "Report", "Config", "Range", "Quantity", "Any", "L
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class DriverOrder:
     """A new driver that can be written."""
 
     name: str
@@ -41,12 +41,17 @@ class Order:
     """Class of the instrument: the folder below `drivers`."""
 
     transport: str
-    role: Role
+    role: DriverRole
 
     @property
     def class_name(self) -> str:
-        """Name of the driver class, and of the simulated instrument's."""
+        """Name of the driver class."""
         return class_name_of(self.name)
+
+    @property
+    def instrument_class_name(self) -> str:
+        """Name of the simulated instrument's class: it says that it is one."""
+        return f"Simulated{self.class_name}"
 
     @property
     def carrier(self) -> str:
@@ -61,7 +66,7 @@ class Order:
     @property
     def instrument_path(self) -> Path:
         """File of the simulated instrument."""
-        return Path("fixtures", "instruments", f"{self.name}.py")
+        return Path("fixtures", "instruments", self.folder, f"{self.name}.py")
 
     @property
     def test_path(self) -> Path:
@@ -81,7 +86,7 @@ def class_name_of(name: str) -> str:
 
 def take_order(
     root: Path, name: str, role: str, transport: str, *, folder: str = "", title: str = ""
-) -> Order:
+) -> DriverOrder:
     """Check what is asked for.
 
     Args:
@@ -100,7 +105,7 @@ def take_order(
     known = read_role(role)
     folder, found = _folder_of(known, folder)
     _refuse(found)
-    return Order(name, title or name.replace("_", " ").capitalize(), folder, transport, known)
+    return DriverOrder(name, title or name.replace("_", " ").capitalize(), folder, transport, known)
 
 
 def _refuse(found: list[Finding]) -> None:
@@ -125,13 +130,14 @@ def _check_name(root: Path, name: str) -> list[Finding]:
         return [Finding("driver.new", message, "name")]
     places = [*(Path("drivers", one, f"{name}.py") for one in CLASSES)]
     places += [Path("tests", "drivers", one, f"test_{name}.py") for one in CLASSES]
-    places.append(Path("fixtures", "instruments", f"{name}.py"))
     there = [place for place in places if (root / place).exists()]
+    instruments = sorted((root / "fixtures" / "instruments").rglob(f"{name}.py"))
+    there += [place.relative_to(root) for place in instruments]
     if there:
         message = f"{there[0]} is there already: take another name, or work on that file"
         return [Finding("driver.new", message, "name")]
     listed = "".join((root / path).read_text("utf-8") for path in LISTS)
-    if re.search(rf"\b{class_name}\b", listed) or f'"{name}":' in listed:
+    if re.search(rf"\bSimulated{class_name}\b", listed) or f'"{name}":' in listed:
         message = f"a simulated instrument is called {name} already: take another name"
         return [Finding("driver.new", message, "name")]
     return []
@@ -151,7 +157,7 @@ def _check_words(role: str, transport: str, title: str) -> list[Finding]:
     return found
 
 
-def _folder_of(role: Role, folder: str) -> tuple[str, list[Finding]]:
+def _folder_of(role: DriverRole, folder: str) -> tuple[str, list[Finding]]:
     if folder and folder not in CLASSES:
         message = f"there is no class {folder!r}: choose one of {', '.join(CLASSES)}"
         return "", [Finding("driver.new", message, "class")]

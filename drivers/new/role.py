@@ -25,7 +25,7 @@ Span = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Argument:
+class RoleArgument:
     """One argument of an action."""
 
     name: str
@@ -41,12 +41,12 @@ class Argument:
 
 
 @dataclass(frozen=True, slots=True)
-class Act:
+class RoleAction:
     """One action."""
 
     name: str
     doc: str
-    arguments: tuple[Argument, ...]
+    arguments: tuple[RoleArgument, ...]
     operation: Operation
     """`transfer` where the interface speaks of `moved_ul`, `read` where its effect is none."""
 
@@ -73,7 +73,7 @@ class Tell:
 
 
 @dataclass(frozen=True, slots=True)
-class Role:
+class DriverRole:
     """A role, and where drivers of it live."""
 
     name: str
@@ -84,7 +84,7 @@ class Role:
     folders: tuple[str, ...]
     """Folders of the package that hold drivers of it; chiefly of it, where there are any."""
 
-    acts: tuple[Act, ...]
+    acts: tuple[RoleAction, ...]
     tells: tuple[Tell, ...]
 
     @property
@@ -103,7 +103,7 @@ def role_names() -> list[str]:
     return sorted(interface.role for interface in known_interfaces().values())
 
 
-def read_role(name: str) -> Role:
+def read_role(name: str) -> DriverRole:
     """Read one role.
 
     Raises:
@@ -119,7 +119,7 @@ def read_role(name: str) -> Role:
     chiefly = [spec for spec in peers if spec.roles[0] == name] or peers
     acts = [one for one in face.methods.values() if last_name(one.returns) == "Report"]
     tells = [one for one in face.methods.values() if one not in acts]
-    return Role(
+    return DriverRole(
         name=name,
         class_name=face.name,
         module=_module_of(face.name),
@@ -142,7 +142,7 @@ def _module_of(class_name: str) -> str:
     raise DefinitionError(f"no file of drivers/interfaces declares {class_name}")
 
 
-def _act(face: Interface, method: Function, peers: list[DriverSpec]) -> Act:
+def _act(face: Interface, method: Function, peers: list[DriverSpec]) -> RoleAction:
     doc = inspect.cleandoc(ast.get_docstring(method) or "")
     effect = doc.partition("Effect:")[2].strip()
     hazards = {
@@ -153,7 +153,7 @@ def _act(face: Interface, method: Function, peers: list[DriverSpec]) -> Act:
         for hazard in action.hazards
     }
     operation: Operation = "transfer" if "`moved_ul`" in effect else "update"
-    return Act(
+    return RoleAction(
         name=method.name,
         doc=doc,
         arguments=tuple(_argument(face, argument) for argument, _ in arguments_of(method)),
@@ -172,12 +172,12 @@ def _tell(face: Interface, method: Function) -> Tell:
     )
 
 
-def _argument(face: Interface, argument: ast.arg) -> Argument:
+def _argument(face: Interface, argument: ast.arg) -> RoleArgument:
     found = _parsed(face, argument.arg, argument.annotation)
     text = ast.unparse(argument.annotation) if argument.annotation is not None else ""
     if found.choices or found.type not in {"number", "integer"}:
         sample = found.choices[-1] if found.choices else _plain(found)
-        return Argument(argument.arg, text, None, found.choices, sample)
+        return RoleArgument(argument.arg, text, None, found.choices, sample)
     low, high, usual = _span(argument.arg)
     if found.type == "integer":
         shown, sample = f"Range({int(low)}, {int(high)})", int(usual)
@@ -185,7 +185,7 @@ def _argument(face: Interface, argument: ast.arg) -> Argument:
         shown, sample = f"Range({low}, {high})", usual
     if argument.arg == "tolerance_c":
         shown += ', Quantity("temperature_difference")'
-    return Argument(argument.arg, f"Annotated[{text}, {shown}]", (low, high, usual), (), sample)
+    return RoleArgument(argument.arg, f"Annotated[{text}, {shown}]", (low, high, usual), (), sample)
 
 
 def _parsed(face: Interface, name: str, annotation: ast.expr | None) -> Annotation:

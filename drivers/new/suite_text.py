@@ -6,8 +6,8 @@ from string import Template
 from typing import Any
 
 from drivers.new.effects_table import EFFECTS
-from drivers.new.order import Order
-from drivers.new.role import Act, Role
+from drivers.new.order import DriverOrder
+from drivers.new.role import DriverRole, RoleAction
 
 _HEAD = Template('''\
 """$title against its simulated instrument."""
@@ -148,7 +148,7 @@ _STOPPED = """
         assert 0.0 <= error.context["moved_ul"] < act[1]["volume_ul"]"""
 
 
-def suite_text(order: Order) -> str:
+def suite_text(order: DriverOrder) -> str:
     """Write the test; imports that it does not need are left to be taken out."""
     role = order.role
     told = {tell.name: tell.at_first for tell in role.tells}
@@ -168,7 +168,7 @@ def suite_text(order: Order) -> str:
     return "".join(parts)
 
 
-def _acts_text(role: Role, told: dict[str, Any]) -> str:
+def _acts_text(role: DriverRole, told: dict[str, Any]) -> str:
     acts = []
     for act in role.acts:
         effects = EFFECTS.get(role.name, {}).get(act.name, {})
@@ -192,7 +192,7 @@ def _changed(value: Any, how: str, what: Any, given: dict[str, Any]) -> object: 
     return what if how == "become" else given[what]
 
 
-def _beyond_text(role: Role) -> list[str]:
+def _beyond_text(role: DriverRole) -> list[str]:
     beyond = [
         (act.name, {**act.samples, argument.name: type(argument.sample)(argument.span[1] + 1)})  # type: ignore[call-arg]
         for act in role.acts
@@ -208,7 +208,7 @@ def _beyond_text(role: Role) -> list[str]:
     return [_BEYOND.substitute(beyond=repr(beyond))] if beyond else []
 
 
-def _failures_text(role: Role) -> list[str]:
+def _failures_text(role: DriverRole) -> list[str]:
     act = _longest(role)
     shown = repr((act.name, act.samples))
     if act.operation == "read":
@@ -221,10 +221,10 @@ def _failures_text(role: Role) -> list[str]:
     return [lost, stop]
 
 
-def _longest(role: Role) -> Act:
+def _longest(role: DriverRole) -> RoleAction:
     """Choose an action that acts and lasts: there is time to stop it."""
 
-    def weight(act: Act) -> tuple[bool, bool, bool]:
+    def weight(act: RoleAction) -> tuple[bool, bool, bool]:
         names = act.samples
         return act.operation != "read", act.operation == "transfer", "duration_s" in names
 

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from drivers.catalog.scan import scan_text
 from drivers.new.driver_text import check_of, driver_text
 from drivers.new.instrument_text import instrument_text
-from drivers.new.order import LISTS, MODELS, PLACES, PROBES, Order
+from drivers.new.order import LISTS, MODELS, PLACES, PROBES, DriverOrder
 from drivers.new.suite_text import suite_text
 from labweb.domain.errors import DefinitionError
 
@@ -21,7 +21,7 @@ TIDY = (("check", "--quiet", "--fix-only", "--select", "F401,I"), ("format", "--
 """What takes out imports that are not needed, and sets the lines."""
 
 
-def write_order(root: Path, order: Order) -> list[Path]:
+def write_order(root: Path, order: DriverOrder) -> list[Path]:
     """Write driver, simulated instrument and test, and enter the instrument in three lists.
 
     Returns:
@@ -51,9 +51,10 @@ def write_order(root: Path, order: Order) -> list[Path]:
     return written
 
 
-def _texts(root: Path, order: Order) -> dict[Path, str]:
+def _texts(root: Path, order: DriverOrder) -> dict[Path, str]:
     models, places, probes = ((root / path).read_text("utf-8") for path in LISTS)
-    line = f"from fixtures.instruments.{order.name} import {order.class_name}\n"
+    module = ".".join(order.instrument_path.with_suffix("").parts)
+    line = f"from {module} import {order.instrument_class_name}\n"
     at = models.find("from fixtures.instruments.")
     with_import = models[:at] + line + models[at:] if at >= 0 else models
     question, answer = b"identify []", f'ok "{order.name}"'.encode()
@@ -64,7 +65,9 @@ def _texts(root: Path, order: Order) -> dict[Path, str]:
         order.driver_path: driver_text(order),
         order.instrument_path: instrument_text(order),
         order.test_path: suite_text(order),
-        MODELS: _enter(MODELS, with_import, "KINDS: ", ")\n", f"    {order.class_name},\n"),
+        MODELS: _enter(
+            MODELS, with_import, "KINDS: ", ")\n", f"    {order.instrument_class_name},\n"
+        ),
         PLACES: _enter(
             PLACES, places, "CARRIER_BY_MODEL: ", "}\n", f'    "{order.name}": "{order.carrier}",\n'
         ),
@@ -110,7 +113,7 @@ def _ruff(words: Sequence[str], folder: Path) -> None:
         )
 
 
-def _refuse_findings(order: Order, text: str) -> None:
+def _refuse_findings(order: DriverOrder, text: str) -> None:
     module = ".".join(order.driver_path.with_suffix("").parts)
     if findings := scan_text(module, text.encode()).all_findings:
         messages = "; ".join(f"{one.subject}: {one.message}" for one in findings)

@@ -63,7 +63,7 @@ def make_ready(motor: Motor) -> None:
 
 
 @dataclass(slots=True, kw_only=True)
-class Run:
+class DrainRun:
     """What runs through the drain once: what is asked for, and what is seen of it."""
 
     volume_ul: float
@@ -120,7 +120,7 @@ def planned(
     tolerance_ratio: float,
     poll_s: float,
     now_s: Callable[[], float],
-) -> Run:
+) -> DrainRun:
     """Return a run that its two witnesses can tell apart from another.
 
     Raises:
@@ -138,7 +138,9 @@ def planned(
             f"{least_ul:g} µL run",
             code="device.volume_too_small",
         )
-    return Run(volume_ul=volume_ul, rate_ul_s=rate_ul_s, off_ul=off_ul, falls=falls, now_s=now_s)
+    return DrainRun(
+        volume_ul=volume_ul, rate_ul_s=rate_ul_s, off_ul=off_ul, falls=falls, now_s=now_s
+    )
 
 
 @dataclass(slots=True, kw_only=True)
@@ -221,7 +223,7 @@ class Drain:
         self.may_be_open, self.is_sent_to_zero, self.is_zero_odd = True, False, False
         self.motor.go_to(self.opens, self.speed_rpm, OPEN_PULSES)
 
-    def watch(self, run: Run) -> None:
+    def watch(self, run: DrainRun) -> None:
         """See that it comes to its open place in time, and stays there.
 
         Raises:

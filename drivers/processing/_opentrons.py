@@ -57,13 +57,13 @@ _ID = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 Told = TypeVar("Told")
 
 
-class Data(msgspec.Struct, Generic[Told], frozen=True):
+class OpentronsData(msgspec.Struct, Generic[Told], frozen=True):
     """What most answers are: the thing itself in `data`."""
 
     data: Told
 
 
-class Health(msgspec.Struct, frozen=True):
+class OpentronsHealth(msgspec.Struct, frozen=True):
     """Who answers."""
 
     name: str
@@ -72,7 +72,7 @@ class Health(msgspec.Struct, frozen=True):
     robot_serial: str | None = None
 
 
-class Said(msgspec.Struct, frozen=True):
+class OpentronsMessage(msgspec.Struct, frozen=True):
     """What the robot says to a wish that gives nothing back."""
 
     message: str
@@ -84,7 +84,7 @@ class LoadedLabware(msgspec.Struct, frozen=True):
     id: str
 
 
-class Run(msgspec.Struct, frozen=True):
+class OpentronsRun(msgspec.Struct, frozen=True):
     """One run."""
 
     id: str
@@ -101,13 +101,13 @@ class Failure(msgspec.Struct, frozen=True):
     errorType: str = ""  # noqa: N815 - as the robot spells it
 
 
-class Refusal(msgspec.Struct, frozen=True):
+class OpentronsRefusal(msgspec.Struct, frozen=True):
     """The body of a refusal."""
 
     errors: list[Failure] = []
 
 
-class Command(msgspec.Struct, frozen=True):
+class OpentronsCommand(msgspec.Struct, frozen=True):
     """One command of a run."""
 
     id: str
@@ -145,14 +145,14 @@ def decode_told(reply: HttpReply, sort: type[Told], what: str) -> Told:
 
 def _reason(reply: HttpReply) -> str:
     try:
-        told = msgspec.json.decode(reply.body, type=Refusal).errors
+        told = msgspec.json.decode(reply.body, type=OpentronsRefusal).errors
     except msgspec.MsgspecError:
         return reply.body[:200].decode("utf-8", "replace")
     return "; ".join(one.detail or one.title for one in told) or "it does not say why"
 
 
 @dataclass(slots=True)
-class Robot:
+class OpentronsRobot:
     """One robot, on behalf of its driver."""
 
     driver: Driver[HttpTransport, Any]
@@ -160,29 +160,33 @@ class Robot:
     run_id: str = ""
     """The run of this session; empty: none was made."""
 
-    def health(self) -> Health:
+    def health(self) -> OpentronsHealth:
         """Ask who answers."""
-        return decode_told(self._get("/health"), Health, "the question who it is")
+        return decode_told(self._get("/health"), OpentronsHealth, "the question who it is")
 
     def blink(self, seconds: int) -> None:
         """Let the lights of the gantry blink for a while; it answers at once, and nothing moves."""
         reply = self._post(f"/identify?seconds={seconds}", {})
-        decode_told(reply, Said, "to blink")
+        decode_told(reply, OpentronsMessage, "to blink")
 
-    def current_run(self) -> Run | None:
+    def current_run(self) -> OpentronsRun | None:
         """Ask which run the robot has; None: it has none."""
-        runs = decode_told(self._get("/runs"), Data[list[Run]], "the question for its runs").data
+        runs = decode_told(
+            self._get("/runs"), OpentronsData[list[OpentronsRun]], "the question for its runs"
+        ).data
         return next((run for run in runs if run.current), None)
 
-    def is_moving(self, run: Run) -> bool:
+    def is_moving(self, run: OpentronsRun) -> bool:
         """Ask whether a run does anything."""
         if run.status not in AT_REST:
             return True
         return any(one.status in {"queued", "running"} for one in self._commands(run.id))
 
-    def make_run(self) -> Run:
+    def make_run(self) -> OpentronsRun:
         """Make a run without a protocol, for commands one by one."""
-        run = decode_told(self._post("/runs", {"data": {}}), Data[Run], "a new run").data
+        run = decode_told(
+            self._post("/runs", {"data": {}}), OpentronsData[OpentronsRun], "a new run"
+        ).data
         _check_id(run.id)
         self.run_id = run.id
         return run
@@ -206,7 +210,7 @@ class Robot:
         if reply.status not in {CREATED, 409}:  # 409: section "Issue a control action", it is over
             raise DeviceError(f"the stop of run {run_id} failed with status {reply.status}")
 
-    def command(self, kind: str, params: dict[str, Any], limit_s: float) -> Command:
+    def command(self, kind: str, params: dict[str, Any], limit_s: float) -> OpentronsCommand:
         """Let the robot do one thing, once, and return it with its result.
 
         Raises:
@@ -221,7 +225,7 @@ class Robot:
             # What moves nothing is over at once; what moves is asked for, and can be stopped.
             query = f"?waitUntilComplete=true&timeout={LOAD_MS}" if kind.startswith("load") else ""
             reply = self._post(f"/runs/{run_id}/commands{query}", {"data": sent})
-            command = _own(decode_told(reply, Data[Command], kind).data, key)
+            command = _own(decode_told(reply, OpentronsData[OpentronsCommand], kind).data, key)
         except RejectedError:
             raise
         except DeviceError as error:
@@ -242,7 +246,7 @@ class Robot:
         """Return a key that nothing else has: it begins with the id of the action, where told."""
         return f"{self.driver.action_id}.{uuid4()}".lstrip(".")
 
-    def _known(self, run_id: str, key: str, lost: DeviceError) -> Command:
+    def _known(self, run_id: str, key: str, lost: DeviceError) -> OpentronsCommand:
         """Ask whether the robot has a command whose answer was lost.
 
         Raises:
@@ -261,7 +265,7 @@ class Robot:
                 raise lost
             self.driver.rest(self.poll_s())
 
-    def _follow(self, run_id: str, command: Command, limit_s: float) -> Command:
+    def _follow(self, run_id: str, command: OpentronsCommand, limit_s: float) -> OpentronsCommand:
         """Watch a command until it has ended."""
         until_s = self.driver.deadline_s(limit_s)
         while command.status in {"queued", "running"}:
@@ -283,13 +287,15 @@ class Robot:
             raise _failure(command)
         return command
 
-    def _asked(self, run_id: str, command: Command) -> Command:
+    def _asked(self, run_id: str, command: OpentronsCommand) -> OpentronsCommand:
         """Ask for a command by its id, again where the answer is lost: a question moves nothing."""
         path = f"/runs/{run_id}/commands/{_check_id(command.id)}"
         until_s = time.monotonic() + ASK_S
         while True:
             try:
-                told = decode_told(self._get(path), Data[Command], "a question for a command")
+                told = decode_told(
+                    self._get(path), OpentronsData[OpentronsCommand], "a question for a command"
+                )
                 return _own(told.data, command.key)
             except RejectedError:
                 raise
@@ -298,7 +304,7 @@ class Robot:
                     raise
             self.driver.rest(self.poll_s())
 
-    def _stopped(self, run_id: str, command: Command) -> DeviceStoppedError:
+    def _stopped(self, run_id: str, command: OpentronsCommand) -> DeviceStoppedError:
         """Stop the run, wait until the command has ended, and tell that nobody knows."""
         self.run_id = ""
         try:
@@ -307,7 +313,9 @@ class Robot:
             path = f"/runs/{run_id}/commands/{command.id}"
             while command.status in {"queued", "running"} and time.monotonic() < until_s:
                 self.driver.rest(self.poll_s())
-                command = decode_told(self._get(path), Data[Command], command.commandType).data
+                command = decode_told(
+                    self._get(path), OpentronsData[OpentronsCommand], command.commandType
+                ).data
         except DeviceError as error:
             text = f"{command.commandType} was told to stop: {error.message}"
             return DeviceStoppedError(text, context={"run": run_id, "key": command.key})
@@ -316,9 +324,11 @@ class Robot:
             f"{command.commandType} was stopped: look at pipette and deck", context=context
         )
 
-    def _commands(self, run_id: str) -> list[Command]:
+    def _commands(self, run_id: str) -> list[OpentronsCommand]:
         path = f"/runs/{_check_id(run_id)}/commands?pageLength={PAGE_COUNT}"
-        return decode_told(self._get(path), Data[list[Command]], "the question for commands").data
+        return decode_told(
+            self._get(path), OpentronsData[list[OpentronsCommand]], "the question for commands"
+        ).data
 
     def _get(self, path: str) -> HttpReply:
         return self.driver.transport.get(
@@ -341,14 +351,14 @@ def _check_id(text: str) -> str:
     return text
 
 
-def _own(command: Command, key: str) -> Command:
+def _own(command: OpentronsCommand, key: str) -> OpentronsCommand:
     if command.key != key:
         raise FrameError(f"the answer is of command {command.key:.80}, not of {key}")
     _check_id(command.id)
     return command
 
 
-def _failure(command: Command) -> DeviceError:
+def _failure(command: OpentronsCommand) -> DeviceError:
     told = command.error or Failure()
     text = f"{command.commandType} failed: {told.detail or told.errorType or 'it says nothing'}"
     context = {"error_type": told.errorType}
@@ -357,7 +367,7 @@ def _failure(command: Command) -> DeviceError:
     return DeviceError(text, code="device.alarm", context=context)
 
 
-def _told_id(command: Command, name: str) -> str:
+def _told_id(command: OpentronsCommand, name: str) -> str:
     found = (command.result or {}).get(name)
     if not isinstance(found, str) or not found:
         raise FrameError(f"{command.commandType} tells no {name}")

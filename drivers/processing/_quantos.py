@@ -31,7 +31,7 @@ REASONS = {
 }
 
 
-class Refused(NamedTuple):
+class QuantosRefusal(NamedTuple):
     """An answer that says no."""
 
     number: int
@@ -48,7 +48,7 @@ def encode_line(command: str) -> bytes:
     return f"{command}\r\n".encode("ascii")
 
 
-def decode_line(frame: bytes, name: str) -> str | Refused:
+def decode_line(frame: bytes, name: str) -> str | QuantosRefusal:
     r"""Read what the last line of an answer says after the name of its command.
 
     Raises:
@@ -71,9 +71,9 @@ def decode_line(frame: bytes, name: str) -> str | Refused:
         raise FrameError(f"no answer to {name}", context={"answer": line[:200]})
     told = line.removeprefix(f"{name} ")
     if told == "L":
-        return Refused(0)
+        return QuantosRefusal(0)
     if found := re.fullmatch(r"I(?: ([0-9]{1,2}))?", told):
-        return Refused(int(found[1] or NOT_ALLOWED))
+        return QuantosRefusal(int(found[1] or NOT_ALLOWED))
     return told
 
 
@@ -149,7 +149,7 @@ def decode_document(frame: bytes, name: str) -> bytes:
     return found[1]
 
 
-def refusal(what: str, told: Refused, *, has_begun: bool = False) -> RejectedError:
+def refusal(what: str, told: QuantosRefusal, *, has_begun: bool = False) -> RejectedError:
     """Say why the dispenser did not do it; UNKNOWN once it had begun."""
     reason = REASONS.get(told.number, "the argument is wrong")
     return RejectedError(

@@ -39,7 +39,7 @@ ORDERS = 0xFFFF
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class FurnaceState:
     """The data block, as its bytes have it."""
 
     target_c: float
@@ -72,7 +72,7 @@ class State:
         return ERRORS.get(self.error, "an error that its table does not have")
 
 
-def decode_block(data: bytes) -> State:
+def decode_block(data: bytes) -> FurnaceState:
     """Read the data block.
 
     Raises:
@@ -88,7 +88,7 @@ def decode_block(data: bytes) -> State:
     values = struct.unpack(LAYOUT, data)
     if not all(math.isfinite(value) for value in values):
         raise FrameError("a number of the block is none", context={"block": data.hex()})
-    return State(*values)
+    return FurnaceState(*values)
 
 
 def encode_setpoint(target_c: float, ramp_k_min: float, watchdog_s: int) -> bytes:

@@ -28,7 +28,7 @@ GAP_S = 0.005
 """More than the 3.5 characters of silence that end a frame at 9600 baud."""
 
 
-class Level(NamedTuple):
+class LevelReading(NamedTuple):
     """What the sensor tells."""
 
     has_liquid: bool
@@ -99,7 +99,7 @@ def decode_words(frame: bytes, address: int, count: int) -> tuple[int, ...]:
     return tuple(int.from_bytes(data[at : at + WORD], "big") for at in range(0, len(data), WORD))
 
 
-def decode_level(words: tuple[int, ...]) -> Level:
+def decode_level(words: tuple[int, ...]) -> LevelReading:
     """Read output and signal strength.
 
     Raises:
@@ -112,7 +112,7 @@ def decode_level(words: tuple[int, ...]) -> Level:
     output, signal = words
     if output not in {0, 1}:
         raise FrameError(f"output of the sensor is {output}", context={"words": list(words)})
-    return Level(output == 1, signal)
+    return LevelReading(output == 1, signal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +132,9 @@ class LevelSensor:
         if told != self.address:
             raise RejectedError(f"sensor {self.address} tells that its address is {told}")
 
-    def level(self) -> Level:
+    def level(self) -> LevelReading:
         """Return what stands at it now."""
-        return decode_level(self._read(OUTPUT, len(Level._fields)))
+        return decode_level(self._read(OUTPUT, len(LevelReading._fields)))
 
     def _read(self, register: int, count: int) -> tuple[int, ...]:
         frame = self.transport.exchange(

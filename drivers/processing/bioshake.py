@@ -20,8 +20,8 @@ from drivers.interfaces.shaker import Shaker
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
-    Control,
-    Wanted,
+    TemperatureControl,
+    WantedReading,
     await_reading,
     once_started,
     refuse_beyond,
@@ -238,8 +238,8 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
             return Report(evidence=self._temperatures())
 
     @property
-    def _control(self) -> Control:
-        return Control(
+    def _control(self) -> TemperatureControl:
+        return TemperatureControl(
             driver=self,
             read=self.temperature_c,
             begin=self._start_heating,
@@ -264,7 +264,7 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         await_reading(
             self,
             self.speed_rpm,
-            Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+            WantedReading(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
             limit_s=self.config.speed_limit_s,
             poll_s=self.config.poll_s,
             is_stopping=speed_rpm == 0,

@@ -23,12 +23,12 @@ import msgspec
 
 from drivers.base import DeviceStoppedError, Driver, Range, Report, action, before_acting, status
 from drivers.interfaces.separator import Separator
-from drivers.processing._drain import LOOK, Drain, Run, make_ready, planned
+from drivers.processing._drain import LOOK, Drain, DrainRun, make_ready, planned
 from drivers.processing._emm import HAS_STALLED, IS_ENABLED, IS_PROTECTED, Motor
-from drivers.processing._xkc import Level, LevelSensor
+from drivers.processing._xkc import LevelReading, LevelSensor
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
-    Wanted,
+    WantedReading,
     await_reading,
     once_started,
     refuse_between_steps,
@@ -194,7 +194,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
             self._drain.refuse_unless_closed()
             make_ready(self._stirrer)
         self._begin_to_turn(turns)
-        wanted = Wanted(speed_rpm, min(SPEED_TOLERANCE_RPM, speed_rpm / 2), "rpm")
+        wanted = WantedReading(speed_rpm, min(SPEED_TOLERANCE_RPM, speed_rpm / 2), "rpm")
         own, poll_s = self.config, self.config.poll_s
         with once_started(self._stop_stirrer, self._speed, driver=self):
             await_reading(self, self._turning, wanted, limit_s=own.speed_limit_s, poll_s=poll_s)
@@ -274,7 +274,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         self._drain.confirm()
         return Report(evidence={"is_drain_closed": True, "valve_count": self._drain.count()})
 
-    def _refuse_unless_ready(self, run: Run) -> None:
+    def _refuse_unless_ready(self, run: DrainRun) -> None:
         """Refuse to open the drain unless all stands and a settled lower phase is at the neck."""
         if speed_rpm := self.speed_rpm():
             raise RejectedError(f"the stirrer turns at {speed_rpm:g} rpm: it has to stand")
@@ -300,7 +300,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
             )
         return _seen(level)
 
-    def _await_boundary(self, run: Run) -> None:
+    def _await_boundary(self, run: DrainRun) -> None:
         """Watch the open drain; return once the signal crosses, or it cannot agree any more.
 
         Air at the neck is no boundary: the upper phase has run out too, or there was none.
@@ -317,7 +317,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
             self.pause(own.poll_s)
 
     @contextmanager
-    def _closing(self, run: Run) -> Iterator[None]:
+    def _closing(self, run: DrainRun) -> Iterator[None]:
         """Close the drain behind what is inside, whatever becomes of it."""
         failure = None
         try:
@@ -375,7 +375,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         await_reading(
             self,
             self.speed_rpm,
-            Wanted(0.0, STANDING_RPM, "rpm"),
+            WantedReading(0.0, STANDING_RPM, "rpm"),
             limit_s=self.config.speed_limit_s,
             poll_s=self.config.poll_s,
             is_stopping=True,
@@ -385,5 +385,5 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         return {"speed_rpm": self.speed_rpm()}
 
 
-def _seen(level: Level) -> dict[str, Any]:
+def _seen(level: LevelReading) -> dict[str, Any]:
     return {"neck_signal_count": level.signal, "has_liquid_at_neck": level.has_liquid}

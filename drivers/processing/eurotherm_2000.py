@@ -22,7 +22,7 @@ from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, befo
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.modbus import RegisterTransport
 from drivers.waiting import (
-    Control,
+    TemperatureControl,
     once_started,
     refuse_beyond,
     refuse_untaken,
@@ -146,8 +146,8 @@ class Eurotherm2000(Driver[RegisterTransport, Config], TemperatureController):
             return Report(evidence=self._temperatures())
 
     @property
-    def _control(self) -> Control:
-        return Control(
+    def _control(self) -> TemperatureControl:
+        return TemperatureControl(
             driver=self,
             read=self.temperature_c,
             begin=self._set,

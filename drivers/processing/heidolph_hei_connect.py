@@ -22,7 +22,7 @@ from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, befo
 from drivers.interfaces.heater_stirrer import HeaterStirrer
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
-    Wanted,
+    WantedReading,
     await_reading,
     once_started,
     refuse_beyond,
@@ -159,7 +159,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
             await_reading(
                 self,
                 self.temperature_c,
-                Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s),
+                WantedReading(temperature_c, tolerance_c, "°C", self.config.settle_s),
                 limit_s=self.config.heat_limit_s,
                 poll_s=self.config.poll_s,
             )
@@ -225,7 +225,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
         Effect:
             The heater stays on with this setpoint.
         """
-        wanted = Wanted(temperature_c, tolerance_c, "°C")
+        wanted = WantedReading(temperature_c, tolerance_c, "°C")
         refuse_unless_near(self._check_heating(temperature_c), wanted)
         with once_started(self._heater_off, self._temperatures, lasted="held_s", driver=self):
             self._start_heating(temperature_c)
@@ -270,7 +270,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
         await_reading(
             self,
             self.speed_rpm,
-            Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+            WantedReading(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
             limit_s=self.config.speed_limit_s,
             poll_s=self.config.poll_s,
             is_stopping=speed_rpm == 0,

@@ -23,7 +23,7 @@ import msgspec
 from drivers.base import Driver, Range, Report, action, before_acting, status
 from drivers.interfaces.stirrer import Stirrer
 from drivers.transports.base import ByteTransport
-from drivers.waiting import Wanted, await_reading, once_started, refuse_beyond
+from drivers.waiting import WantedReading, await_reading, once_started, refuse_beyond
 from labweb.domain.errors import DeviceError, FrameError, RejectedError
 
 END = b"\r\n"
@@ -165,7 +165,7 @@ class HeidolphStirrer(Driver[ByteTransport, Config], Stirrer):
         await_reading(
             self,
             self.speed_rpm if speed_rpm == 0 else self._speed_without_fault,
-            Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+            WantedReading(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
             limit_s=self.config.speed_limit_s,
             poll_s=self.config.poll_s,
             is_stopping=speed_rpm == 0,

@@ -29,7 +29,13 @@ from drivers.processing._namur import (
     refuse_other,
 )
 from drivers.transports.base import ByteTransport
-from drivers.waiting import Wanted, await_reading, once_started, refuse_beyond, refuse_untaken
+from drivers.waiting import (
+    WantedReading,
+    await_reading,
+    once_started,
+    refuse_beyond,
+    refuse_untaken,
+)
 
 MODEL = "Microstar C"
 SPEED, TORQUE = 4, 5
@@ -118,7 +124,7 @@ class IkaMicrostar75(Driver[ByteTransport, Config], Stirrer):
         await_reading(
             self,
             self.speed_rpm,
-            Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+            WantedReading(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
             limit_s=self.config.speed_limit_s,
             poll_s=self.config.poll_s,
             is_stopping=speed_rpm == 0,

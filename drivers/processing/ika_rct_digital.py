@@ -30,7 +30,13 @@ from drivers.base import (
 from drivers.interfaces.heater_stirrer import HeaterStirrer
 from drivers.processing._namur import END, decode_value, encode_line
 from drivers.transports.base import ByteTransport
-from drivers.waiting import Wanted, await_reading, once_started, refuse_unless_near, watch_reading
+from drivers.waiting import (
+    WantedReading,
+    await_reading,
+    once_started,
+    refuse_unless_near,
+    watch_reading,
+)
 from labweb.domain.errors import PreconditionError, RejectedError
 
 MODEL = "RCT digital"
@@ -125,7 +131,7 @@ class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):
             The heater stays on with this setpoint.
         """
         self._start_heating(temperature_c)
-        wanted = Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s)
+        wanted = WantedReading(temperature_c, tolerance_c, "°C", self.config.settle_s)
         started_s = self.now_s()
         with once_started(self._heater_off, self._heat, driver=self):
             limit_s, poll_s = self.config.heat_limit_s, self.config.poll_s
@@ -191,7 +197,7 @@ class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):
             The heater stays on with this setpoint.
         """
         self.refuse_if_stopped()
-        wanted = Wanted(temperature_c, tolerance_c, "°C")
+        wanted = WantedReading(temperature_c, tolerance_c, "°C")
         with before_acting():
             refuse_unless_near(self.temperature_c(), wanted)
         self._start_heating(temperature_c)
@@ -213,7 +219,7 @@ class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):
             reading_rpm = await_reading(
                 self,
                 self.speed_rpm,
-                Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+                WantedReading(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
                 limit_s=SPEED_LIMIT_S,
                 poll_s=self.config.poll_s,
                 is_stopping=speed_rpm == 0,

@@ -29,7 +29,7 @@ from drivers.processing._namur import (
 )
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
-    Wanted,
+    WantedReading,
     await_reading,
     once_started,
     refuse_beyond,
@@ -135,7 +135,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
             await_reading(
                 self,
                 self.temperature_c,
-                Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s),
+                WantedReading(temperature_c, tolerance_c, "°C", self.config.settle_s),
                 limit_s=self.config.heat_limit_s,
                 poll_s=self.config.poll_s,
             )
@@ -172,7 +172,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
             await_reading(
                 self,
                 self.speed_rpm,
-                Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+                WantedReading(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
                 limit_s=self.config.speed_limit_s,
                 poll_s=self.config.poll_s,
             )
@@ -190,7 +190,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
             await_reading(
                 self,
                 self.speed_rpm,
-                Wanted(0.0, SPEED_TOLERANCE_RPM, "rpm"),
+                WantedReading(0.0, SPEED_TOLERANCE_RPM, "rpm"),
                 limit_s=self.config.speed_limit_s,
                 poll_s=self.config.poll_s,
                 is_stopping=True,
@@ -216,7 +216,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
         Effect:
             The heater stays on with this setpoint.
         """
-        wanted = Wanted(temperature_c, tolerance_c, "°C")
+        wanted = WantedReading(temperature_c, tolerance_c, "°C")
         refuse_unless_near(self._check_heating(temperature_c), wanted)
         with once_started(self._heater_off, self._temperatures, lasted="held_s", driver=self):
             self._start_heating(temperature_c)

@@ -29,7 +29,13 @@ from drivers.processing._namur import (
     refuse_other,
 )
 from drivers.transports.base import ByteTransport
-from drivers.waiting import Wanted, await_reading, once_started, refuse_beyond, refuse_untaken
+from drivers.waiting import (
+    WantedReading,
+    await_reading,
+    once_started,
+    refuse_beyond,
+    refuse_untaken,
+)
 from labweb.domain.errors import DeviceError, FrameError
 
 MODEL = "RV10Digital"
@@ -126,7 +132,7 @@ class IkaRv10Digital(Driver[ByteTransport, Config], RotaryEvaporator):
             await_reading(
                 self,
                 self._bath_without_fault,
-                Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s),
+                WantedReading(temperature_c, tolerance_c, "°C", self.config.settle_s),
                 limit_s=self.config.heat_limit_s,
                 poll_s=self.config.poll_s,
             )
@@ -206,7 +212,7 @@ class IkaRv10Digital(Driver[ByteTransport, Config], RotaryEvaporator):
         await_reading(
             self,
             self.speed_rpm,
-            Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+            WantedReading(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
             limit_s=self.config.speed_limit_s,
             poll_s=self.config.poll_s,
             is_stopping=speed_rpm == 0,

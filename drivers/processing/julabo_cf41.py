@@ -24,7 +24,7 @@ from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, befo
 from drivers.interfaces.thermostat import Thermostat
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
-    Control,
+    TemperatureControl,
     once_started,
     refuse_beyond,
     refuse_untaken,
@@ -207,8 +207,8 @@ class JulaboCf41(Driver[ByteTransport, Config], Thermostat):
             return Report(evidence=self._temperatures())
 
     @property
-    def _control(self) -> Control:
-        return Control(
+    def _control(self) -> TemperatureControl:
+        return TemperatureControl(
             driver=self,
             read=self._reading_under_control,
             begin=self._start,

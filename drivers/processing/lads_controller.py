@@ -34,7 +34,7 @@ from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.opcua.nodes import Node, NodeName
 from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.waiting import (
-    Control,
+    TemperatureControl,
     once_started,
     refuse_beyond,
     refuse_untaken,
@@ -202,8 +202,8 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
             return Report(evidence=self._temperatures())
 
     @property
-    def _control(self) -> Control:
-        return Control(
+    def _control(self) -> TemperatureControl:
+        return TemperatureControl(
             driver=self,
             read=self._reading_under_control,
             begin=self._refuse_untaken,

@@ -32,7 +32,7 @@ from drivers.base import (
 from drivers.interfaces.powder_dispenser import PowderDispenser
 from drivers.processing._quantos import (
     NOT_ALLOWED,
-    Refused,
+    QuantosRefusal,
     decode_document,
     decode_element,
     decode_line,
@@ -102,7 +102,7 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
     def halt(self) -> None:
         """End a dosing; where none goes on, there is nothing to end."""
         told = self._ask("QRA 61 4", "QRA 61 4")
-        if isinstance(told, Refused) and told.number != NOT_ALLOWED:
+        if isinstance(told, QuantosRefusal) and told.number != NOT_ALLOWED:
             raise refusal("stop dosing", told)
 
     @status(every_s=2.0)
@@ -119,7 +119,7 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
     def is_door_open(self) -> bool | None:
         """Tell whether the front door is open; None: it moves, or is not detected."""
         told = self._ask("QRD 2 3 7", "QRD 2 3 7")
-        if isinstance(told, Refused):
+        if isinstance(told, QuantosRefusal):
             raise refusal("tell the door", told)
         number = told.removesuffix(" A")
         if number not in DOOR or not told.endswith(" A"):
@@ -236,14 +236,14 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
         """Move the pin that holds the head: without it nothing is dosed, and no powder moves."""
         ending = re.compile(rb"(QRA 60 2 (A|I[^\r\n]*|L)|E[STL])\r\n")
         told = decode_line(self._exchange("QRA 60 2 4", ending, MOVE_S), "QRA 60 2")
-        if isinstance(told, Refused):
+        if isinstance(told, QuantosRefusal):
             raise refusal("lock the head", told)
 
     def _set(self, *settings: str) -> None:
         for setting in settings:
             name = f"QRD {setting.rpartition(' ')[0]}"
             told = self._ask(f"QRD {setting}", name)
-            if isinstance(told, Refused):
+            if isinstance(told, QuantosRefusal):
                 raise refusal(f"set {setting}", told)
             if told != "A":
                 raise FrameError(f"answer to {name} is {told!r}")
@@ -264,7 +264,7 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
                 raise
         told = decode_line(frame, "QRA 61 1")
         has_begun = b"QRA 61 1 B\r\n" in frame
-        if isinstance(told, Refused):
+        if isinstance(told, QuantosRefusal):
             if told.number == STOPPED and has_begun:
                 raise DeviceStoppedError("the dosing was stopped")
             raise refusal("dose", told, has_begun=has_begun)
@@ -279,7 +279,7 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
     def _confirm(self, before_mg: float, sample_id: str, target_mg: float) -> Report:
         """Hold what the dispenser says of the dosing against what the balance reads."""
         frame = self._ask_lines(DOSING)
-        if isinstance(frame, Refused):
+        if isinstance(frame, QuantosRefusal):
             raise refusal("tell of the dosing", frame, has_begun=True)
         said_mg = decode_mass(frame, "Content")
         document = decode_document(frame, DOSING)
@@ -322,7 +322,7 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
             f"QRA 60 7 {number}", re.compile(rb"(QRA 60 7 (A|I[^\r\n]*|L)|E[STL])\r\n"), MOVE_S
         )
         told = decode_line(frame, "QRA 60 7")
-        if isinstance(told, Refused):
+        if isinstance(told, QuantosRefusal):
             raise refusal("move the door", told, has_begun=b"QRA 60 7 B\r\n" in frame)
         if self.is_door_open() is not is_open:
             raise DeviceError("the door does not stand where it was sent: look at it")
@@ -330,7 +330,7 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
 
     def _head(self) -> bytes | None:
         frame = self._ask_lines("QRD 2 4 11")
-        if isinstance(frame, Refused):
+        if isinstance(frame, QuantosRefusal):
             if frame.number == NO_HEAD:
                 return None
             raise refusal("tell of the head", frame)
@@ -348,17 +348,17 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
     def _weight(self) -> tuple[bool, float]:
         return decode_weight(self._exchange("SI", re.compile(rb"(SI? [^\r\n]*|E[STL])\r\n")))
 
-    def _ask(self, command: str, name: str) -> str | Refused:
+    def _ask(self, command: str, name: str) -> str | QuantosRefusal:
         """Ask for one line; lines of a dosing that ends meanwhile are passed over."""
         ending = re.compile(rb"(" + name.encode() + rb" [^\r\n]*|E[STL])\r\n")
         return decode_line(self._exchange(command, ending), name)
 
-    def _ask_lines(self, name: str) -> bytes | Refused:
+    def _ask_lines(self, name: str) -> bytes | QuantosRefusal:
         """Ask for XML, and return all of it with the line that ends it."""
         ending = re.compile(rb"(" + name.encode() + rb" (A|I[^\r\n]*|L)|E[STL])\r\n")
         frame = self._exchange(name, ending)
         told = decode_line(frame, name)
-        return told if isinstance(told, Refused) else frame
+        return told if isinstance(told, QuantosRefusal) else frame
 
     def _exchange(
         self, command: str, until: re.Pattern[bytes], timeout_s: float = ANSWER_S

@@ -29,7 +29,7 @@ import msgspec
 from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
 from drivers.interfaces.liquid_handler import LiquidHandler
 from drivers.interfaces.showing import Showing
-from drivers.processing._opentrons import Command, Robot
+from drivers.processing._opentrons import OpentronsCommand, OpentronsRobot
 from drivers.processing._ot2_deck import parse_deck, refuse_long_stroke, well_in
 from drivers.transports.http import HttpTransport
 from drivers.waiting import refuse_beyond
@@ -83,7 +83,7 @@ class OpentronsOt2(Driver[HttpTransport, Config], LiquidHandler, Showing):
         """Read the deck, and refuse one that is malformed; nothing is opened."""
         super().__init__(transport, config)
         self._deck = parse_deck(self.config.deck)
-        self._robot = Robot(self, lambda: self.config.poll_s)
+        self._robot = OpentronsRobot(self, lambda: self.config.poll_s)
         self._pipette_id = ""
         self._labware: dict[str, str] = {}
         self._used_tips: set[tuple[str, str]] = set()
@@ -327,7 +327,7 @@ class OpentronsOt2(Driver[HttpTransport, Config], LiquidHandler, Showing):
         evidence = {"run": run_id, "key": command.key, "volume_ul": volume_ul}
         return Report(moved_ul=volume_ul, evidence=evidence)
 
-    def _command(self, kind: str, params: dict[str, Any]) -> Command:
+    def _command(self, kind: str, params: dict[str, Any]) -> OpentronsCommand:
         return self._robot.command(kind, params, self.config.command_limit_s)
 
     def _load_deck(self) -> str:

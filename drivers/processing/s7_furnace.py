@@ -49,12 +49,12 @@ from drivers.processing._s7_block import (
     STOP,
     TARGET,
     VERSION,
-    State,
+    FurnaceState,
     decode_block,
     encode_setpoint,
 )
 from drivers.transports.s7.transport import S7Transport
-from drivers.waiting import Control, once_started, refuse_beyond, refuse_untaken
+from drivers.waiting import TemperatureControl, once_started, refuse_beyond, refuse_untaken
 from labweb.domain.errors import DeviceError, RejectedError
 
 RESOLUTION_C, RESOLUTION_K_MIN = 0.01, 0.001
@@ -242,8 +242,8 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
                 )
             return Report(evidence=self._temperatures())
 
-    def _control(self, ramp_k_min: float) -> Control:
-        return Control(
+    def _control(self, ramp_k_min: float) -> TemperatureControl:
+        return TemperatureControl(
             driver=self,
             read=self._reading_under_control,
             before=lambda temperature_c: self._start(temperature_c, ramp_k_min),
@@ -309,7 +309,7 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
         refuse_untaken("watchdog", state.watchdog_s, self.config.watchdog_s, resolution=0)
         refuse_untaken("order", state.order, order, resolution=0)
 
-    def _await_order(self, order: int) -> State:
+    def _await_order(self, order: int) -> FurnaceState:
         """Return the state once the start is taken, refused, or neither for too long."""
         deadline_s = time.monotonic() + TAKEN_S
         while True:
@@ -318,7 +318,7 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
                 return state
             self.pause(LOOK_S)
 
-    def _await_command(self, command: int) -> State:
+    def _await_command(self, command: int) -> FurnaceState:
         """Return the state once the controller has taken a command."""
         deadline_s = time.monotonic() + TAKEN_S
         while (state := self._state()).commands & command:
@@ -341,7 +341,7 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
             )
         return self._reading(state)
 
-    def _reading(self, state: State) -> float:
+    def _reading(self, state: FurnaceState) -> float:
         if state.error == 1:
             raise DeviceError(
                 f"no reading: {ERRORS[1]}", code="device.alarm", context={"alarm": state.error}
@@ -356,7 +356,7 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
             "is_heating": state.is_on,
         }
 
-    def _state(self) -> State:
+    def _state(self) -> FurnaceState:
         return decode_block(self.transport.read(self.config.block_index, 0, BLOCK_BYTES))
 
     def _command(self, bit: int) -> None:

@@ -22,7 +22,7 @@ from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, befo
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.sila.features import Feature, Value
 from drivers.transports.sila.transport import SilaTransport
-from drivers.waiting import Control, once_started, refuse_beyond
+from drivers.waiting import TemperatureControl, once_started, refuse_beyond
 from labweb.domain.errors import DeviceError, RejectedError
 
 FEATURE = "org.silastandard/examples/TemperatureController/v1"
@@ -139,8 +139,8 @@ class SilaTemperatureController(Driver[SilaTransport, Config], TemperatureContro
             return Report(evidence=self._temperatures())
 
     @property
-    def _control(self) -> Control:
-        return Control(
+    def _control(self) -> TemperatureControl:
+        return TemperatureControl(
             driver=self,
             read=self._reading_under_control,
             before=self._start,

@@ -23,7 +23,7 @@ import msgspec
 from drivers.base import Driver, Range, Report, action, before_acting, status
 from drivers.interfaces.vacuum_controller import VacuumController
 from drivers.transports.base import ByteTransport
-from drivers.waiting import Wanted, await_reading, await_true, once_started, refuse_beyond
+from drivers.waiting import WantedReading, await_reading, await_true, once_started, refuse_beyond
 from labweb.domain.errors import DeviceError, FrameError, RejectedError
 
 END = b"\r\n"
@@ -205,7 +205,7 @@ class VacuubrandCvc3000(Driver[ByteTransport, Config], VacuumController):
             await_reading(
                 self,
                 self._reading_under_control,
-                Wanted(pressure_kpa, tolerance_kpa, "kPa", self.config.settle_s),
+                WantedReading(pressure_kpa, tolerance_kpa, "kPa", self.config.settle_s),
                 limit_s=self.config.reach_limit_s,
                 poll_s=self.config.poll_s,
             )

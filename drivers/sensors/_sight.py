@@ -50,7 +50,7 @@ Box = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenPlace:
     """What one picture tells of one place."""
 
     is_present: bool | None
@@ -63,7 +63,7 @@ class Seen:
         return asdict(self)
 
 
-NOTHING = Seen(None, 0.0, None, 0.0)
+NOTHING = SeenPlace(None, 0.0, None, 0.0)
 """The picture does not tell."""
 
 
@@ -83,7 +83,7 @@ def open_picture(data: bytes) -> Image.Image:
         raise FrameError(f"the picture cannot be unpacked: {error}") from error
 
 
-def look_at(picture: Image.Image, box: Box, place_tag: str) -> Seen:
+def look_at(picture: Image.Image, box: Box, place_tag: str) -> SeenPlace:
     """Say what stands at a place.
 
     Confidence is the share of worse copies of the picture in which the tag is still read,
@@ -99,15 +99,15 @@ def look_at(picture: Image.Image, box: Box, place_tag: str) -> Seen:
     if own and read:  # a vessel does not leave its place's tag in sight
         return NOTHING
     if own:
-        return Seen(is_present=False, presence_confidence_ratio=own, tag="",
+        return SeenPlace(is_present=False, presence_confidence_ratio=own, tag="",
                     tag_confidence_ratio=own)  # fmt: skip
     if not read:
         return NOTHING
     surest = max(read.values())
     if len(read) > 1:  # something stands there; which of them is the vessel is not told
-        return Seen(is_present=True, presence_confidence_ratio=surest, tag=None,
+        return SeenPlace(is_present=True, presence_confidence_ratio=surest, tag=None,
                     tag_confidence_ratio=0.0)  # fmt: skip
-    return Seen(is_present=True, presence_confidence_ratio=surest, tag=next(iter(read)),
+    return SeenPlace(is_present=True, presence_confidence_ratio=surest, tag=next(iter(read)),
                 tag_confidence_ratio=surest)  # fmt: skip
 
 

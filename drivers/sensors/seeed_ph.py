@@ -39,14 +39,14 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Added to the reading: what the last calibration found."""
 
 
-class Measurement(NamedTuple):
+class PhMeasurement(NamedTuple):
     """A decoded pair of readings."""
 
     value_ph: float
     temperature_c: float
 
 
-def decode_registers(registers: tuple[int, ...]) -> Measurement:
+def decode_registers(registers: tuple[int, ...]) -> PhMeasurement:
     """Read temperature, which may be negative, and pH.
 
     Raises:
@@ -57,7 +57,7 @@ def decode_registers(registers: tuple[int, ...]) -> Measurement:
         Measurement(value_ph=7.01, temperature_c=25.12)
     """
     raw_temperature, raw_ph = registers
-    measurement = Measurement(raw_ph / HUNDREDTHS, signed(raw_temperature) / HUNDREDTHS)
+    measurement = PhMeasurement(raw_ph / HUNDREDTHS, signed(raw_temperature) / HUNDREDTHS)
     is_real = LOWEST_C <= measurement.temperature_c <= HIGHEST_C
     if not is_real or measurement.value_ph > HIGHEST_PH:
         raise FrameError(
@@ -95,7 +95,7 @@ class SeeedPh(Transmitter, Driver[RegisterTransport, Config], PhSensor):
         """
         return measured(self, lambda: self._read()._asdict())
 
-    def _read(self) -> Measurement:
+    def _read(self) -> PhMeasurement:
         registers = self.transport.read_registers(
             FIRST_REGISTER, REGISTERS_COUNT, table=self.config.table
         )

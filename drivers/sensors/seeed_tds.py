@@ -37,7 +37,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """Registers are read with function 3 (holding) or 4 (input)."""
 
 
-class Measurement(NamedTuple):
+class TdsMeasurement(NamedTuple):
     """What one reading tells."""
 
     temperature_c: float
@@ -46,7 +46,7 @@ class Measurement(NamedTuple):
     tds_ppm: float
 
 
-def decode_registers(registers: tuple[int, ...]) -> Measurement:
+def decode_registers(registers: tuple[int, ...]) -> TdsMeasurement:
     """Read temperature, which may be negative, and what the cell tells.
 
     Raises:
@@ -57,7 +57,7 @@ def decode_registers(registers: tuple[int, ...]) -> Measurement:
         1413.0
     """
     raw_temperature, high, low, salinity, tds = registers
-    measurement = Measurement(
+    measurement = TdsMeasurement(
         signed(raw_temperature) / HUNDREDTHS, float((high << 16) + low), float(salinity), float(tds)
     )
     is_real = LOWEST_C <= measurement.temperature_c <= HIGHEST_C
@@ -102,7 +102,7 @@ class SeeedTds(Transmitter, Driver[RegisterTransport, Config], ConductivitySenso
         """
         return measured(self, lambda: self._read()._asdict())
 
-    def _read(self) -> Measurement:
+    def _read(self) -> TdsMeasurement:
         registers = self.transport.read_registers(
             FIRST_REGISTER, REGISTERS_COUNT, table=self.config.table
         )

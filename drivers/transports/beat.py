@@ -7,7 +7,7 @@ import threading
 from contextlib import suppress
 
 
-class Beat:
+class DatagramBeat:
     """Sends from its making on, until it is ended or the process dies.
 
     A datagram that cannot be sent is not reported: the device misses it and does what it does

@@ -39,7 +39,7 @@ NO_HEADERS: Headers = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class HttpRequest:
     """A request; what is sent is JSON."""
 
     method: str
@@ -185,7 +185,7 @@ class HttpTransport(Transport):
             DeviceTimeoutError: No whole reply in time; UNKNOWN.
             FrameError: No HTTP, a body that is too long, or one that ends early; UNKNOWN.
         """
-        return self.request(Asked("GET", path, headers), timeout_s, longest_bytes, enough)
+        return self.request(HttpRequest("GET", path, headers), timeout_s, longest_bytes, enough)
 
     def put(
         self,
@@ -201,7 +201,7 @@ class HttpTransport(Transport):
         Raises:
             DeviceError: As `get`; whatever the status of the reply, it is returned.
         """
-        return self.request(Asked("PUT", path, headers, body), timeout_s, longest_bytes)
+        return self.request(HttpRequest("PUT", path, headers, body), timeout_s, longest_bytes)
 
     def post(
         self,
@@ -217,7 +217,7 @@ class HttpTransport(Transport):
         Raises:
             DeviceError: As `get`; whatever the status of the reply, it is returned.
         """
-        return self.request(Asked("POST", path, headers, body), timeout_s, longest_bytes)
+        return self.request(HttpRequest("POST", path, headers, body), timeout_s, longest_bytes)
 
     def delete(
         self, path: str, *, timeout_s: float, longest_bytes: int, headers: Headers = NO_HEADERS
@@ -227,11 +227,11 @@ class HttpTransport(Transport):
         Raises:
             DeviceError: As `get`; whatever the status of the reply, it is returned.
         """
-        return self.request(Asked("DELETE", path, headers), timeout_s, longest_bytes)
+        return self.request(HttpRequest("DELETE", path, headers), timeout_s, longest_bytes)
 
     def request(
         self,
-        asked: Asked,
+        asked: HttpRequest,
         timeout_s: float,
         longest_bytes: int,
         enough: Enough = lambda _type, _body: False,
@@ -273,7 +273,7 @@ class HttpTransport(Transport):
                 context={"line": self.line},
             ) from error
 
-    def _send(self, connection: HTTPConnection, asked: Asked) -> None:
+    def _send(self, connection: HTTPConnection, asked: HttpRequest) -> None:
         body = b"" if asked.body is None else b" " + asked.body
         self._observe("out", f"{asked.method} {asked.path}".encode() + body)
         headers = {**asked.headers, "Connection": "close"}

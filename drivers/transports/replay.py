@@ -34,7 +34,7 @@ class TranscriptMismatchError(AssertionError):
 
 
 @dataclass(frozen=True, slots=True)
-class Exchange:
+class RecordedExchange:
     """One recorded request and what came back."""
 
     mark: str
@@ -49,7 +49,7 @@ class Exchange:
 class Script:
     """The instrument's part of a transcript; it insists on the driver's."""
 
-    def __init__(self, exchanges: Sequence[Exchange]) -> None:
+    def __init__(self, exchanges: Sequence[RecordedExchange]) -> None:
         self.steps = [one for one in exchanges if one.mark != _ANYTIME]
         """What comes in its turn."""
 
@@ -65,7 +65,7 @@ class Script:
         """Requests that were expected and have not come."""
         return [one.request for one in self.steps[self._next :] if one.mark == _ONCE]
 
-    def answer(self, request: bytes) -> Exchange:
+    def answer(self, request: bytes) -> RecordedExchange:
         """Return the exchange that holds the answer to a request.
 
         Random names (UUIDs) that a driver makes stand for those that it had made when it was
@@ -99,7 +99,7 @@ class Script:
         self._names.update(pairs)
         return True
 
-    def _named(self, one: Exchange) -> Exchange:
+    def _named(self, one: RecordedExchange) -> RecordedExchange:
         reply = _UUID.sub(lambda found: self._names.get(found[0], found[0]), one.reply)
         return replace(one, reply=reply)
 
@@ -107,7 +107,9 @@ class Script:
 class ReplayTransport(ByteTransport):
     """Plays the instrument's part of a transcript, and insists on the driver's."""
 
-    def __init__(self, exchanges: Sequence[Exchange], *, line: str = "replay:transcript") -> None:
+    def __init__(
+        self, exchanges: Sequence[RecordedExchange], *, line: str = "replay:transcript"
+    ) -> None:
         super().__init__(line, line)
         self.script = Script(exchanges)
         self._pending = b""
@@ -160,19 +162,19 @@ class ReplayTransport(ByteTransport):
         return super()._read(until, deadline_s if is_whole else 0.0, longest_bytes, unless)
 
 
-def parse_transcript(text: str) -> list[Exchange]:
+def parse_transcript(text: str) -> list[RecordedExchange]:
     """Read the exchanges of a transcript.
 
     Raises:
         ValueError: A line is neither request, answer nor comment.
     """
-    exchanges: list[Exchange] = []
+    exchanges: list[RecordedExchange] = []
     for number, line in enumerate(text.splitlines(), start=1):
         mark, _, rest = line.strip().partition(" ")
         if not mark or mark.startswith("#"):
             continue
         if mark in {_ONCE, _REPEATED, _ANYTIME}:
-            exchanges.append(Exchange(mark, _bytes(rest, number), b""))
+            exchanges.append(RecordedExchange(mark, _bytes(rest, number), b""))
         elif mark == "<" and exchanges:
             last = exchanges[-1]
             exchanges[-1] = replace(last, reply=last.reply + _bytes(rest, number))
@@ -183,7 +185,7 @@ def parse_transcript(text: str) -> list[Exchange]:
     return exchanges
 
 
-def render_transcript(exchanges: Iterable[Exchange], head: Iterable[str] = ()) -> str:
+def render_transcript(exchanges: Iterable[RecordedExchange], head: Iterable[str] = ()) -> str:
     r"""Write exchanges as a transcript, with comments before them; `parse_transcript` reads it.
 
     Example:
@@ -220,9 +222,9 @@ class Recording:
             self.unasked.extend(data)
 
     @property
-    def exchanges(self) -> list[Exchange]:
+    def exchanges(self) -> list[RecordedExchange]:
         """Return every request with what came until the next one."""
-        return [Exchange(_ONCE, request, bytes(reply)) for request, reply in self._crossed]
+        return [RecordedExchange(_ONCE, request, bytes(reply)) for request, reply in self._crossed]
 
 
 def _text(data: bytes) -> str:

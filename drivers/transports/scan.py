@@ -17,7 +17,7 @@ CONNECT_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Port:
+class SerialPort:
     """One serial port of this machine."""
 
     path: str
@@ -26,13 +26,13 @@ class Port:
     serial: str = ""
 
 
-def serial_ports(patterns: Iterable[str]) -> list[Port]:
+def serial_ports(patterns: Iterable[str]) -> list[SerialPort]:
     """List the serial ports whose path fits a pattern; none is opened.
 
     What hangs on USB says its name and serial number by itself.
     """
     known = {
-        port.device: Port(
+        port.device: SerialPort(
             port.device,
             port.product or port.description or "",
             "" if port.vid is None else f"{port.vid:04x}:{port.pid:04x}",
@@ -41,7 +41,7 @@ def serial_ports(patterns: Iterable[str]) -> list[Port]:
         for port in list_ports.comports()
     }
     paths = sorted({str(path) for pattern in patterns for path in _matching(pattern)})
-    return [known.get(path, Port(path)) for path in paths if _is_port(path)]
+    return [known.get(path, SerialPort(path)) for path in paths if _is_port(path)]
 
 
 def _matching(pattern: str) -> Iterable[Path]:

@@ -26,11 +26,11 @@ from typing import Any, Generic, TypeVar
 import msgspec
 
 from drivers.transports.base import Transport
-from drivers.transports.http import Asked, Enough, HttpReply, HttpTransport
+from drivers.transports.http import Enough, HttpReply, HttpRequest, HttpTransport
 from drivers.transports.modbus import RegisterTransport, Table
-from drivers.transports.opcua.nodes import Method, Node, NodeName, Plain, Variable
+from drivers.transports.opcua.nodes import MethodSignature, Node, NodeName, Plain, Variable
 from drivers.transports.opcua.transport import OpcUaTransport
-from drivers.transports.replay import Exchange, Script
+from drivers.transports.replay import RecordedExchange, Script
 from drivers.transports.s7.transport import S7Transport
 from drivers.transports.sila.features import Feature
 from drivers.transports.sila.transport import Progress, SilaTransport
@@ -75,7 +75,7 @@ class RecordingTape(Tape):
     """Asks the device, and keeps what it answers."""
 
     def __init__(self) -> None:
-        self.exchanges: list[Exchange] = []
+        self.exchanges: list[RecordedExchange] = []
 
     def say(self, request: str, ask: Callable[[], bytes]) -> bytes:
         """Ask, and keep both."""
@@ -85,16 +85,16 @@ class RecordingTape(Tape):
         except DeviceError as error:
             sort = next(one.__name__ for one in type(error).__mro__ if one.__name__ in ERRORS)
             failure = f"{sort} {error.effect}: {error.message}"
-            self.exchanges.append(Exchange(">", said, b"", failure))
+            self.exchanges.append(RecordedExchange(">", said, b"", failure))
             raise
-        self.exchanges.append(Exchange(">", said, reply))
+        self.exchanges.append(RecordedExchange(">", said, reply))
         return reply
 
 
 class PlayingTape(Tape):
     """Answers from a transcript; no device is asked."""
 
-    def __init__(self, exchanges: Sequence[Exchange]) -> None:
+    def __init__(self, exchanges: Sequence[RecordedExchange]) -> None:
         self._script = Script(exchanges)
 
     @property
@@ -206,7 +206,7 @@ class TapedHttp(Taped[HttpTransport], HttpTransport):
 
     def request(
         self,
-        asked: Asked,
+        asked: HttpRequest,
         timeout_s: float,
         longest_bytes: int,
         enough: Enough = lambda _type, _body: False,
@@ -273,9 +273,11 @@ class TapedOpcUa(Taped[OpcUaTransport], OpcUaTransport):
             f"describe variable {node}", lambda: self._device.variable(node), Variable
         )
 
-    def method(self, node: NodeName) -> Method:
+    def method(self, node: NodeName) -> MethodSignature:
         """Return what a method says of itself."""
-        return self._told(f"describe method {node}", lambda: self._device.method(node), Method)
+        return self._told(
+            f"describe method {node}", lambda: self._device.method(node), MethodSignature
+        )
 
 
 class TapedSila(Taped[SilaTransport], SilaTransport):

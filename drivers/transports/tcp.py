@@ -13,7 +13,7 @@ from drivers.transports.base import (
     ByteTransport,
     Direction,
 )
-from drivers.transports.beat import Beat
+from drivers.transports.beat import DatagramBeat
 from labweb.domain.errors import Effect, UnreachableError
 
 RENEW_TIMEOUT_S = 0.5
@@ -36,7 +36,7 @@ class TcpTransport(ByteTransport):
         self.also = tuple(_Side(self, host, one) for one in also)
         self._address = (host, port)
         self._beat_address = beat
-        self._beat: Beat | None = None
+        self._beat: DatagramBeat | None = None
         self._socket: socket.socket | None = None
 
     @property
@@ -64,7 +64,7 @@ class TcpTransport(ByteTransport):
         """Send a datagram every so often to where the URL's `beat` says, while the line is open."""
         with self.lock:
             if self._beat_address is not None and self._beat is None and self.is_open:
-                self._beat = Beat(self._beat_address, payload, every_s)
+                self._beat = DatagramBeat(self._beat_address, payload, every_s)
 
     def _close(self) -> None:
         beat, self._beat = self._beat, None

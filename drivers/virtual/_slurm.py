@@ -54,7 +54,7 @@ class ExitCode(msgspec.Struct, frozen=True):
     return_code: Number | None = None
 
 
-class Job(msgspec.Struct, frozen=True):
+class SlurmJob(msgspec.Struct, frozen=True):
     """One job of the queue."""
 
     job_id: int
@@ -70,7 +70,7 @@ class Job(msgspec.Struct, frozen=True):
         return COMPLETING not in self.job_state and not ENDED.isdisjoint(self.job_state)
 
 
-class Problem(msgspec.Struct, frozen=True):
+class SlurmProblem(msgspec.Struct, frozen=True):
     """Why something was refused."""
 
     error: str = ""
@@ -78,19 +78,19 @@ class Problem(msgspec.Struct, frozen=True):
     error_number: int = 0
 
 
-class Answer(msgspec.Struct, frozen=True):
+class SlurmAnswer(msgspec.Struct, frozen=True):
     """What every answer has."""
 
-    errors: list[Problem] = []
+    errors: list[SlurmProblem] = []
 
 
-class Jobs(Answer, frozen=True):
+class SlurmJobs(SlurmAnswer, frozen=True):
     """Some jobs."""
 
-    jobs: list[Job] = []
+    jobs: list[SlurmJob] = []
 
 
-class Submitted(Answer, frozen=True):
+class Submitted(SlurmAnswer, frozen=True):
     """A job that was taken."""
 
     job_id: int = 0
@@ -102,7 +102,7 @@ class Ping(msgspec.Struct, frozen=True):
     pinged: str = ""
 
 
-class Pings(Answer, frozen=True):
+class Pings(SlurmAnswer, frozen=True):
     """All controllers."""
 
     pings: list[Ping] = []
@@ -119,7 +119,7 @@ def decode_told(reply: HttpReply, sort: type[Told], what: str) -> Told:
     if reply.status == UNAUTHORIZED:
         raise RejectedError(f"{what}: the token was refused: is it of the user, and still good?")
     try:
-        answer = msgspec.json.decode(reply.body, type=Answer)
+        answer = msgspec.json.decode(reply.body, type=SlurmAnswer)
         if answer.errors:
             raise _failure(answer.errors, reply.status, what)
         if reply.status != GOOD:
@@ -133,7 +133,7 @@ def decode_told(reply: HttpReply, sort: type[Told], what: str) -> Told:
         ) from error
 
 
-def _failure(errors: list[Problem], status: int, what: str) -> DeviceError:
+def _failure(errors: list[SlurmProblem], status: int, what: str) -> DeviceError:
     """Tell a refusal from a failure; one error that is no refusal makes it a failure."""
     others = [one for one in errors if one.error_number not in REFUSED]
     is_refused = not others or BAD_REQUEST <= status < SERVER_FAILED
@@ -143,7 +143,7 @@ def _failure(errors: list[Problem], status: int, what: str) -> DeviceError:
     return sort(text, context={"error_number": one.error_number, "status": status})
 
 
-def evidence_of(job: Job) -> dict[str, Any]:
+def evidence_of(job: SlurmJob) -> dict[str, Any]:
     """Summarise a job that has ended."""
     code = None if job.exit_code is None else job.exit_code.return_code
     return {

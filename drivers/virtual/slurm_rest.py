@@ -41,10 +41,10 @@ from drivers.transports.http import HttpTransport
 from drivers.virtual._slurm import (
     ENDED_JOB,
     UNKNOWN_JOB,
-    Answer,
-    Job,
-    Jobs,
     Pings,
+    SlurmAnswer,
+    SlurmJob,
+    SlurmJobs,
     Submitted,
     Told,
     decode_told,
@@ -94,7 +94,7 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
     transport_type: ClassVar[type] = HttpTransport
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
-    _job: Job | None = None
+    _job: SlurmJob | None = None
 
     def identify(self) -> None:
         """Ask whether a controller of the cluster answers."""
@@ -175,7 +175,7 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
         self._cancel(job.job_id)
         return Report(evidence=evidence_of(self._ended(job)))
 
-    def _submit(self, name: str, script: str, input_text: str, limit_s: float) -> Job:
+    def _submit(self, name: str, script: str, input_text: str, limit_s: float) -> SlurmJob:
         """Submit once; where the answer is lost, ask for the job by its name."""
         config = self.config
         wanted: dict[str, Any] = {
@@ -207,9 +207,9 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
             if error.effect is Effect.NONE:
                 raise
             return self._find(name, error)
-        return Job(job_id=job_id, name=name, job_state=["PENDING"])
+        return SlurmJob(job_id=job_id, name=name, job_state=["PENDING"])
 
-    def _find(self, name: str, lost: DeviceError) -> Job:
+    def _find(self, name: str, lost: DeviceError) -> SlurmJob:
         """Ask the queue whether it has a job of this name.
 
         Raises:
@@ -218,7 +218,7 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
         until_s = time.monotonic() + ASK_S
         while True:
             try:
-                told = self._ask_list("jobs", Jobs, "the question for the queue").jobs
+                told = self._ask_list("jobs", SlurmJobs, "the question for the queue").jobs
             except DeviceError:
                 told = []
             found = [one for one in told if one.name == name]
@@ -230,7 +230,7 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
                 raise lost
             self.rest(self.config.poll_s)
 
-    def _follow(self, job: Job) -> Job:
+    def _follow(self, job: SlurmJob) -> SlurmJob:
         """Watch a job until it has ended well."""
         ended = self._await_end(job, self.pause, self.config.silence_limit_s, math.inf)
         if ended.job_state[0] == "COMPLETED":
@@ -240,11 +240,11 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
         text = f"job {ended.job_id} has ended as {' '.join(ended.job_state)}"
         raise sort(text, code=code, effect=Effect.PARTIAL, context=evidence_of(ended))
 
-    def _ended(self, job: Job) -> Job:
+    def _ended(self, job: SlurmJob) -> SlurmJob:
         """Wait until a job that was cancelled has ended."""
         return self._await_end(job, self.rest, CANCEL_S, CANCEL_S)
 
-    def _stopped(self, job: Job) -> Job:
+    def _stopped(self, job: SlurmJob) -> SlurmJob:
         """Cancel the job because the device was stopped, and watch it also where that fails.
 
         Raises:
@@ -262,8 +262,8 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
             raise DeviceStoppedError(text, effect=Effect.UNKNOWN, context=error.context) from error
 
     def _await_end(
-        self, job: Job, pause: Callable[[float], None], silence_s: float, limit_s: float
-    ) -> Job:
+        self, job: SlurmJob, pause: Callable[[float], None], silence_s: float, limit_s: float
+    ) -> SlurmJob:
         heard_s = begun_s = time.monotonic()
         while not job.has_ended:
             try:
@@ -282,9 +282,9 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
                 raise DeviceError(f"job {job.job_id} goes on after {limit_s:g} s")
         return job
 
-    def _again(self, job: Job) -> Job:
+    def _again(self, job: SlurmJob) -> SlurmJob:
         """Ask for a job by its id."""
-        told = self._ask(f"job/{job.job_id}", Jobs, "the question for the job").jobs
+        told = self._ask(f"job/{job.job_id}", SlurmJobs, "the question for the job").jobs
         found = [one for one in told if (one.job_id, one.name) == (job.job_id, job.name)]
         if len(found) != 1 or not found[0].job_state:
             raise FrameError(f"the answer is not of job {job.job_id}")
@@ -298,7 +298,7 @@ class SlurmRest(Driver[HttpTransport, Config], Compute):
             headers=self._headers(),
         )
         try:
-            decode_told(reply, Answer, "the cancelling of the job")
+            decode_told(reply, SlurmAnswer, "the cancelling of the job")
         except RejectedError as error:
             if error.context.get("error_number") not in {UNKNOWN_JOB, ENDED_JOB}:
                 raise

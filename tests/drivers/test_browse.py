@@ -18,7 +18,7 @@ from drivers.browse import openapi
 from drivers.browse.__main__ import main
 from drivers.browse.openapi import MOST_BYTES, browse_document
 from drivers.browse.sila import scale_of
-from drivers.transports.sila.features import Unit
+from drivers.transports.sila.features import UnitConversion
 from labweb.domain.enrollment.spec import check_arguments, encode, parse
 from labweb.domain.errors import NotFoundError
 from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
@@ -237,16 +237,24 @@ def test_a_certificate_that_nobody_trusts_is_refused(
 @pytest.mark.parametrize(
     ("unit", "scale"),
     [
-        (Unit("K", 1.0, 0.0, (("Kelvin", 1),)), ("c", 1.0, -273.15)),
-        (Unit("K", 1.0, 0.0, (("Kelvin", 0),)), ("c", 1.0, -273.15)),
-        (Unit("°C", 1.0, 273.15, (("Kelvin", 1),)), ("c", 1.0, 0.0)),
-        (Unit("min", 60.0, 0.0, (("Second", 1),)), ("s", 60.0, 0.0)),
-        (Unit("mL/min", 1e-6 / 60, 0.0, (("Second", -1), ("Meter", 3))), ("ul_s", 16.666666666667)),
-        (Unit("bar", 1e5, 0.0, (("Meter", -1), ("Kilogram", 1), ("Second", -2))), ("kpa", 100.0)),
-        (Unit("lx", 1.0, 0.0, (("Candela", 1), ("Meter", -2))), None),
+        (UnitConversion("K", 1.0, 0.0, (("Kelvin", 1),)), ("c", 1.0, -273.15)),
+        (UnitConversion("K", 1.0, 0.0, (("Kelvin", 0),)), ("c", 1.0, -273.15)),
+        (UnitConversion("°C", 1.0, 273.15, (("Kelvin", 1),)), ("c", 1.0, 0.0)),
+        (UnitConversion("min", 60.0, 0.0, (("Second", 1),)), ("s", 60.0, 0.0)),
+        (
+            UnitConversion("mL/min", 1e-6 / 60, 0.0, (("Second", -1), ("Meter", 3))),
+            ("ul_s", 16.666666666667),
+        ),
+        (
+            UnitConversion("bar", 1e5, 0.0, (("Meter", -1), ("Kilogram", 1), ("Second", -2))),
+            ("kpa", 100.0),
+        ),
+        (UnitConversion("lx", 1.0, 0.0, (("Candela", 1), ("Meter", -2))), None),
     ],
 )
-def test_a_unit_is_known_by_what_it_is_in_si(unit: Unit, scale: tuple[object, ...] | None) -> None:
+def test_a_unit_is_known_by_what_it_is_in_si(
+    unit: UnitConversion, scale: tuple[object, ...] | None
+) -> None:
     found = scale_of(unit)
     if scale is None:
         assert found is None

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from drivers.record import main
 from drivers.sensors.mettler_sics import MettlerSics
 from drivers.transports.replay import (
-    Exchange,
+    RecordedExchange,
     Recording,
     ReplayTransport,
     parse_transcript,
@@ -113,11 +113,14 @@ def test_pieces_of_an_answer_belong_together() -> None:
     recording = Recording()
     for direction, data in (("out", b"a"), ("in", b"1"), ("in", b"2"), ("out", b"b")):
         recording(direction, data)  # type: ignore[arg-type]
-    assert recording.exchanges == [Exchange(">", b"a", b"12"), Exchange(">", b"b", b"")]
+    assert recording.exchanges == [
+        RecordedExchange(">", b"a", b"12"),
+        RecordedExchange(">", b"b", b""),
+    ]
 
 
 @given(st.lists(st.tuples(st.binary(min_size=1, max_size=20), st.binary(max_size=20))))
 def test_any_bytes_come_back_from_a_transcript(crossed: list[tuple[bytes, bytes]]) -> None:
-    exchanges = [Exchange(">", request, reply) for request, reply in crossed]
+    exchanges = [RecordedExchange(">", request, reply) for request, reply in crossed]
     text = render_transcript(exchanges, ["one head\nof two lines"])
     assert parse_transcript(text) == exchanges

@@ -16,7 +16,7 @@ import pytest
 from drivers.base import DeviceStoppedError
 from drivers.characterization.neware_bts import NewareBts, encode_command
 from drivers.logistics.ur_dashboard import UrDashboard
-from drivers.transports.replay import Exchange, ReplayTransport
+from drivers.transports.replay import RecordedExchange, ReplayTransport
 from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
 from tests.drivers.conformance.analysers import CYCLERS, LIQUID_HANDLERS
 from tests.drivers.conformance.movers import MOVERS
@@ -135,14 +135,14 @@ def test_a_stop_closes_the_popup(play: Play) -> None:
 PLACE = 'ip="127.0.0.1" devtype="27" devid="21" subdevid="1" chlid="1"'
 
 
-def light(inner: str, answer: str) -> Exchange:
+def light(inner: str, answer: str) -> RecordedExchange:
     sent = encode_command("light", f'<list count="1"><light {PLACE}>{inner}</light></list>')
     body = f'<list count="1"><light {PLACE}>{answer}</light></list>'
-    return Exchange(">", sent, encode_command("light_resp", body))
+    return RecordedExchange(">", sent, encode_command("light_resp", body))
 
 
 @contextmanager
-def cycler(*exchanges: Exchange) -> Iterator[NewareBts]:
+def cycler(*exchanges: RecordedExchange) -> Iterator[NewareBts]:
     transport = ReplayTransport(list(exchanges), line="replay:lamp")
     transport.open()
     settings = {"device_index": 21, "subdevice_index": 1, "channel_index": 1}

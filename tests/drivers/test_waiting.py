@@ -5,7 +5,7 @@ import pytest
 from drivers.transports.virtual import VirtualTransport
 from drivers.virtual.timer import HostTimer
 from drivers.waiting import (
-    Wanted,
+    WantedReading,
     await_reading,
     await_true,
     once_started,
@@ -22,7 +22,7 @@ from labweb.domain.errors import (
     RejectedError,
 )
 
-WANTED = Wanted(60.0, 1.0, "°C")
+WANTED = WantedReading(60.0, 1.0, "°C")
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def timer() -> HostTimer:
 
 def test_a_reading_must_stay_near_for_its_settling_time(timer: HostTimer) -> None:
     readings = iter([50.0, 60.0, 62.0, *[60.0] * 1000])
-    wanted = Wanted(60.0, 1.0, "°C", 0.03)
+    wanted = WantedReading(60.0, 1.0, "°C", 0.03)
     await_reading(timer, lambda: next(readings), wanted, limit_s=2.0, poll_s=0.005)
     assert len(list(readings)) < 999
 
@@ -149,7 +149,7 @@ def test_a_reading_that_swings_past_the_goal_may_come_back(timer: HostTimer) -> 
         passed_s = driver.now_s() - began_s
         return 20.0 + min(passed_s, 500.0) / 10 - max(0.0, min(passed_s, 600.0) - 500.0) / 10
 
-    wanted = Wanted(60.0, 1.0, "°C", 30.0)
+    wanted = WantedReading(60.0, 1.0, "°C", 30.0)
     assert await_reading(driver, swinging, wanted, limit_s=7200.0, poll_s=1.0) == 60.0
 
 

@@ -20,7 +20,7 @@ from drivers.transports.ros2.bus import Bus
 from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.rpc import Participant
-from drivers.transports.ros2.rtps import NO_SEQUENCE, Identity
+from drivers.transports.ros2.rtps import NO_SEQUENCE, SampleIdentity
 from drivers.transports.ros2.types import Types, type_name
 from labweb.domain.enrollment.sighting import (
     LONGEST_BEACON_BYTES,
@@ -173,9 +173,9 @@ def test_a_stranger_on_the_bus_neither_drowns_nor_ends_it(
         b"",
         b"\x00\x01\x00\x00\x01\x00\x00\x00\x00",
     ):
-        stranger.write(writer, payload, Identity(writer, NO_SEQUENCE))
+        stranger.write(writer, payload, SampleIdentity(writer, NO_SEQUENCE))
     for _ in range(200):
-        stranger.write(writer, cdr(signed()), Identity(writer, NO_SEQUENCE))
+        stranger.write(writer, cdr(signed()), SampleIdentity(writer, NO_SEQUENCE))
     said, found = signed(serial="quiet"), set[str]()
 
     def is_heard() -> bool:

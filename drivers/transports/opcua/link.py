@@ -17,13 +17,13 @@ from asyncua.client.ua_client import UASocketState
 
 from drivers.transports.opcua.codes import failure
 from drivers.transports.opcua.nodes import (
-    Argument,
-    Method,
+    EngineeringUnit,
+    MethodArgument,
+    MethodSignature,
     Node,
     NodeKind,
     NodeName,
     Plain,
-    Unit,
     Variable,
 )
 from labweb.domain.errors import (
@@ -49,7 +49,7 @@ _KINDS: dict[int, NodeKind] = {
 logging.getLogger("asyncua").setLevel(logging.CRITICAL)
 
 
-class Link:
+class OpcUaLink:
     """A session; every method blocks, and may be called from any thread."""
 
     def __init__(self, url: str, line: str, timeout_s: float) -> None:
@@ -249,11 +249,11 @@ class Link:
         found = value.Value.Value if value.StatusCode.is_good() else None
         return found if isinstance(found, sort) else None
 
-    def method(self, name: NodeName) -> Method:
+    def method(self, name: NodeName) -> MethodSignature:
         """Return what a method says about itself."""
         return self._run(lambda: self._method(name), "what it takes", MANY * self._timeout_s)
 
-    async def _method(self, name: NodeName) -> Method:
+    async def _method(self, name: NodeName) -> MethodSignature:
         node = self._node(name)
         found = await node.read_attributes(
             [ua.AttributeIds.UserExecutable, ua.AttributeIds.Description]
@@ -262,17 +262,17 @@ class Link:
             str((await one.read_browse_name()).Name): one for one in await node.get_properties()
         }
         doc = found[1].Value.Value
-        return Method(
+        return MethodSignature(
             await self._arguments(properties.get("InputArguments")),
             await self._arguments(properties.get("OutputArguments")),
             is_executable=bool(found[0].Value.Value),
             doc=str(doc.Text or "") if doc is not None else "",
         )
 
-    async def _arguments(self, node: Any) -> tuple[Argument, ...]:  # noqa: ANN401 - the library's
+    async def _arguments(self, node: Any) -> tuple[MethodArgument, ...]:  # noqa: ANN401 - the library's
         values = [] if node is None else await node.read_value() or []
         return tuple(
-            Argument(
+            MethodArgument(
                 str(one.Name),
                 self._name(one.DataType),
                 int(one.ValueRank),
@@ -302,6 +302,6 @@ class Link:
         return self._client.get_node(self._id(name))
 
 
-def _unit(found: Any) -> Unit:  # noqa: ANN401 - the library's class
+def _unit(found: Any) -> EngineeringUnit:  # noqa: ANN401 - the library's class
     text = found.DisplayName.Text if found.DisplayName is not None else ""
-    return Unit(str(found.NamespaceUri or ""), int(found.UnitId), str(text or ""))
+    return EngineeringUnit(str(found.NamespaceUri or ""), int(found.UnitId), str(text or ""))

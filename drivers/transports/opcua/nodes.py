@@ -40,7 +40,7 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class EngineeringUnit:
     """An engineering unit, as a server tells it (OPC 10000-8, 5.6.4.3)."""
 
     uri: str
@@ -67,7 +67,7 @@ UNECE = "http://www.opcfoundation.org/UA/units/un/cefact"
 
 
 @dataclass(frozen=True, slots=True)
-class Argument:
+class MethodArgument:
     """One argument of a method."""
 
     name: str
@@ -88,17 +88,17 @@ class Variable:
 
     is_readable: bool
     is_writable: bool
-    unit: Unit | None = None
+    unit: EngineeringUnit | None = None
     low: float | None = None
     high: float | None = None
     doc: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Method:
+class MethodSignature:
     """What a method says about itself."""
 
-    inputs: tuple[Argument, ...] = ()
-    outputs: tuple[Argument, ...] = ()
+    inputs: tuple[MethodArgument, ...] = ()
+    outputs: tuple[MethodArgument, ...] = ()
     is_executable: bool = True
     doc: str = field(default="")

@@ -14,12 +14,12 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from drivers.transports.base import Transport
-from drivers.transports.opcua.nodes import Method, Node, NodeName, Plain, Variable
+from drivers.transports.opcua.nodes import MethodSignature, Node, NodeName, Plain, Variable
 from drivers.transports.tcp import tcp_line
 from labweb.domain.errors import Effect, FrameError, UnreachableError
 
 if TYPE_CHECKING:
-    from drivers.transports.opcua.link import Link
+    from drivers.transports.opcua.link import OpcUaLink
 
 ANSWER_S = 5.0
 
@@ -31,7 +31,7 @@ class OpcUaTransport(Transport):
 
     def __init__(self, url: str, host: str, port: int) -> None:
         super().__init__(url, tcp_line(host, port))
-        self._link: Link | None = None
+        self._link: OpcUaLink | None = None
 
     @property
     def is_open(self) -> bool:
@@ -45,7 +45,7 @@ class OpcUaTransport(Transport):
         except ImportError as error:
             text = f"{error}: this host lacks the extra edge-opcua"
             raise UnreachableError(text, effect=Effect.NONE) from error
-        link = module.Link(self.url, self.line, ANSWER_S)
+        link = module.OpcUaLink(self.url, self.line, ANSWER_S)
         link.open()
         self._link = link
 
@@ -120,7 +120,7 @@ class OpcUaTransport(Transport):
         with self._asking("describe", node) as link:
             return link.variable(node)
 
-    def method(self, node: NodeName) -> Method:
+    def method(self, node: NodeName) -> MethodSignature:
         """Return the arguments of a method.
 
         Raises:
@@ -130,7 +130,7 @@ class OpcUaTransport(Transport):
             return link.method(node)
 
     @contextmanager
-    def _asking(self, service: str, node: NodeName | None, *values: float) -> Iterator[Link]:
+    def _asking(self, service: str, node: NodeName | None, *values: float) -> Iterator[OpcUaLink]:
         """Keep the line for one request; a session that is lost is closed, and not opened again."""
         with self.lock:
             self._require_open()

@@ -16,7 +16,7 @@ from enum import IntEnum
 from typing import Any
 
 from drivers.transports.ros2.bus import Bus, Pending, Plain, Reply
-from drivers.transports.ros2.definitions import Action
+from drivers.transports.ros2.definitions import ActionDefinition
 from drivers.transports.ros2.names import action_names, check_name
 from labweb.domain.errors import DeviceTimeoutError, FrameError, RejectedError
 
@@ -77,7 +77,7 @@ class ActionServer:
         self,
         bus: Bus,
         name: str,
-        action: Action,
+        action: ActionDefinition,
         *,
         taken: Callable[[Goal, Decide], None],
         cancel: Callable[[Goal], bool],
@@ -208,7 +208,7 @@ class ActionServer:
 class ActionClient:
     """Sends goals to one action of another node."""
 
-    def __init__(self, bus: Bus, name: str, action: Action) -> None:
+    def __init__(self, bus: Bus, name: str, action: ActionDefinition) -> None:
         """Look for the action; nothing is sent.
 
         Raises:

@@ -26,10 +26,9 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from drivers.transports.ros2 import names, rtps
-from drivers.transports.ros2.definitions import Service
+from drivers.transports.ros2.definitions import ServiceDefinition
 from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.rpc import Participant
-from drivers.transports.ros2.rtps import Identity
 from drivers.transports.ros2.types import Types, type_name
 from labweb.domain.errors import (
     DefinitionError,
@@ -43,6 +42,7 @@ log = logging.getLogger(__name__)
 
 Plain = dict[str, Any]
 Reply = Callable[[Mapping[str, Any]], None]
+RequestHandler = Callable[[Plain, Reply], None]
 KEPT = 10
 MATCH_S = 0.02
 _INFO = "rmw_dds_common/msg/ParticipantEntitiesInfo"
@@ -114,7 +114,7 @@ class Pending:
 class Client:
     """Calls one service."""
 
-    def __init__(self, bus: Bus, name: str, service: Service) -> None:
+    def __init__(self, bus: Bus, name: str, service: ServiceDefinition) -> None:
         self._types = bus.types
         self._service = service
         self._name = name
@@ -172,7 +172,7 @@ class Client:
             raise UnreachableError(f"nobody serves {self._name}", effect=Effect.NONE)
         pending = Pending(self._types, self._service.response)
         with self._lock:
-            asked = Identity(self._reader, rtps.NO_SEQUENCE)
+            asked = rtps.SampleIdentity(self._reader, rtps.NO_SEQUENCE)
             number = self._services.write(self._writer, payload, asked)
             self._waiting[number] = pending
         try:
@@ -181,7 +181,7 @@ class Client:
             with self._lock:
                 del self._waiting[number]
 
-    def _heard(self, _identity: Identity, sample: rtps.Data) -> None:
+    def _heard(self, _identity: rtps.SampleIdentity, sample: rtps.DataSubmessage) -> None:
         related = sample.related
         if related is None or related.guid not in {self._reader, self._writer}:
             return
@@ -281,7 +281,7 @@ class Bus:
             self._entities += [made, reader, listener]
         listener.on_data_available(reader)  # what came while the reader was made
 
-    def client(self, name: str, service: Service) -> Client:
+    def client(self, name: str, service: ServiceDefinition) -> Client:
         """Call a service.
 
         Raises:
@@ -290,7 +290,7 @@ class Bus:
         names.check_name(name.replace("/_action/", "/"))
         return Client(self, name, service)
 
-    def serve(self, name: str, service: Service, answer: Callable[[Plain, Reply], None]) -> None:
+    def serve(self, name: str, service: ServiceDefinition, answer: RequestHandler) -> None:
         """Offer a service.
 
         `answer` gets the request, and calls what it is given once, then or later; it may not
@@ -303,10 +303,10 @@ class Bus:
         services, types = self.services, self.types
         replies = services.writer(names.reply_topic(name), type_name(service.response))
 
-        def heard(identity: Identity, sample: rtps.Data) -> None:
+        def heard(identity: rtps.SampleIdentity, sample: rtps.DataSubmessage) -> None:
             # The reader that waits for the answer is named where the request came from Fast DDS.
             guid = identity.guid if sample.related is None else sample.related.guid
-            asked = Identity(guid, identity.sequence)
+            asked = rtps.SampleIdentity(guid, identity.sequence)
 
             def reply(value: Mapping[str, Any]) -> None:
                 services.write(replies, types.encode(service.response, value), asked)

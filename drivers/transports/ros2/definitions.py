@@ -52,7 +52,7 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class MessageDefinition:
     """A structure that travels as a whole."""
 
     name: str
@@ -60,7 +60,7 @@ class Message:
 
 
 @dataclass(frozen=True, slots=True)
-class Service:
+class ServiceDefinition:
     """What is asked and what is answered."""
 
     name: str
@@ -69,15 +69,15 @@ class Service:
 
 
 @dataclass(frozen=True, slots=True)
-class Action:
+class ActionDefinition:
     """The parts of a goal that takes time, by the names of their messages and services."""
 
     name: str
     goal: str
     result: str
     feedback: str
-    send_goal: Service
-    get_result: Service
+    send_goal: ServiceDefinition
+    get_result: ServiceDefinition
     feedback_message: str
 
 
@@ -91,7 +91,7 @@ class Definitions:
             DefinitionError: A name is none, a text is too long, or two tables differ.
         """
         self._texts: dict[str, str] = {}
-        self._messages: dict[str, Message] = {}
+        self._messages: dict[str, MessageDefinition] = {}
         for table in tables:
             self.add(table)
 
@@ -125,7 +125,7 @@ class Definitions:
             raise _bad(name, "nobody defines it: give its text")
         return self._texts[name]
 
-    def message(self, name: str) -> Message:
+    def message(self, name: str) -> MessageDefinition:
         """Return a message by full name, also one that belongs to a service or an action.
 
         Raises:
@@ -134,7 +134,9 @@ class Definitions:
         if name not in self._messages:
             package, sort, _ = _parts(name)
             if sort == "msg":
-                self._messages[name] = Message(name, parse_fields(self.text(name), package, name))
+                self._messages[name] = MessageDefinition(
+                    name, parse_fields(self.text(name), package, name)
+                )
             else:
                 self._expand(name)
         return self._messages[name]
@@ -150,18 +152,18 @@ class Definitions:
         if name not in self._messages:
             raise _bad(name, f"{base} has no such part")
 
-    def service(self, name: str) -> Service:
+    def service(self, name: str) -> ServiceDefinition:
         """Return a service by full name.
 
         Raises:
             DefinitionError: It is not defined, or malformed.
         """
         request, response = self._split(name, 2)
-        self._messages[f"{name}_Request"] = Message(f"{name}_Request", request)
-        self._messages[f"{name}_Response"] = Message(f"{name}_Response", response)
-        return Service(name, f"{name}_Request", f"{name}_Response")
+        self._messages[f"{name}_Request"] = MessageDefinition(f"{name}_Request", request)
+        self._messages[f"{name}_Response"] = MessageDefinition(f"{name}_Response", response)
+        return ServiceDefinition(name, f"{name}_Request", f"{name}_Response")
 
-    def action(self, name: str) -> Action:
+    def action(self, name: str) -> ActionDefinition:
         """Return an action by full name.
 
         Raises:
@@ -169,7 +171,7 @@ class Definitions:
         """
         parts = dict(zip(("Goal", "Result", "Feedback"), self._split(name, 3), strict=True))
         for part, fields in parts.items():
-            self._messages[f"{name}_{part}"] = Message(f"{name}_{part}", fields)
+            self._messages[f"{name}_{part}"] = MessageDefinition(f"{name}_{part}", fields)
         goal_id = Field(name="goal_id", type=_UUID)
         made = {
             "SendGoal_Request": (goal_id, Field(name="goal", type=f"{name}_Goal")),
@@ -185,12 +187,14 @@ class Definitions:
             "FeedbackMessage": (goal_id, Field(name="feedback", type=f"{name}_Feedback")),
         }
         for part, fields in made.items():
-            self._messages[f"{name}_{part}"] = Message(f"{name}_{part}", fields)
+            self._messages[f"{name}_{part}"] = MessageDefinition(f"{name}_{part}", fields)
         asks = {
-            part: Service(f"{name}_{part}", f"{name}_{part}_Request", f"{name}_{part}_Response")
+            part: ServiceDefinition(
+                f"{name}_{part}", f"{name}_{part}_Request", f"{name}_{part}_Response"
+            )
             for part in ("SendGoal", "GetResult")
         }
-        return Action(
+        return ActionDefinition(
             name=name,
             goal=f"{name}_Goal",
             result=f"{name}_Result",

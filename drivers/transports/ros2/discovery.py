@@ -31,7 +31,7 @@ class Peer:
 
 
 @dataclass(frozen=True, slots=True)
-class Endpoint:
+class PeerEndpoint:
     """A writer or reader of a peer."""
 
     guid: bytes
@@ -97,7 +97,7 @@ def render_endpoint(guid: bytes, topic: str, type_name: str, own: Address) -> by
     )
 
 
-def read_endpoint(payload: bytes) -> Endpoint | None:
+def read_endpoint(payload: bytes) -> PeerEndpoint | None:
     """Read what an endpoint says; None: it does not say what it is.
 
     Raises:
@@ -108,7 +108,7 @@ def read_endpoint(payload: bytes) -> Endpoint | None:
     guid = found.get(rtps.PID_ENDPOINT, b"")
     if len(guid) != _GUID_BYTES or not {rtps.PID_TOPIC, rtps.PID_TYPE} <= set(found):
         return None
-    return Endpoint(
+    return PeerEndpoint(
         guid,
         rtps.read_string(order, found[rtps.PID_TOPIC]),
         rtps.read_string(order, found[rtps.PID_TYPE]),

@@ -10,9 +10,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from drivers.transports.ros2 import rtps
-from drivers.transports.ros2.rtps import Beat, Data, Identity, Skip, Want
+from drivers.transports.ros2.rtps import (
+    DataSubmessage,
+    HeartbeatSubmessage,
+    SampleIdentity,
+    Skip,
+    Want,
+)
 
-Heard = Callable[[Identity, Data], None]
+Heard = Callable[[SampleIdentity, DataSubmessage], None]
 """Called with a sample and its identity."""
 
 MOST_KEPT = 256
@@ -93,39 +99,39 @@ class Writer:
 
 
 @dataclass(slots=True)
-class Source:
+class MatchedWriter:
     """How far we have come with one matched writer."""
 
     expected: int = 1
-    ahead: dict[int, Data | None] = field(default_factory=dict)
+    ahead: dict[int, DataSubmessage | None] = field(default_factory=dict)
     """What came too early, by number; None: it never comes."""
 
     count: int = 0
 
 
 @dataclass(slots=True)
-class Reader:
+class ReliableReader:
     """One of our readers."""
 
     entity: bytes
     topic: str
     type: str
     heard: Heard
-    sources: dict[bytes, Source] = field(default_factory=dict)
+    sources: dict[bytes, MatchedWriter] = field(default_factory=dict)
     _early: dict[bytes, int] = field(default_factory=dict)
     """By GUID of a writer that knew of us before we of it: the first number that is for us."""
 
     def match(self, guid: bytes) -> None:
         """Begin to read from a writer."""
         if guid not in self.sources and len(self.sources) < MOST_LISTENERS:
-            self.sources[guid] = Source(self._early.pop(guid, 1))
+            self.sources[guid] = MatchedWriter(self._early.pop(guid, 1))
 
     def unmatch(self, guid: bytes) -> None:
         """Read no more from a writer."""
         self.sources.pop(guid, None)
         self._early.pop(guid, None)
 
-    def take_data(self, guid: bytes, sample: Data) -> list[Data]:
+    def take_data(self, guid: bytes, sample: DataSubmessage) -> list[DataSubmessage]:
         """Take a sample; return those that are now due, in their order."""
         source = self.sources.get(guid)
         if source is None or not source.expected <= sample.sequence < source.expected + MOST_AHEAD:
@@ -133,7 +139,7 @@ class Reader:
         source.ahead.setdefault(sample.sequence, sample)
         return _due(source)
 
-    def take_skip(self, guid: bytes, skip: Skip) -> list[Data]:
+    def take_skip(self, guid: bytes, skip: Skip) -> list[DataSubmessage]:
         """Wait no more for what never comes."""
         source = self.sources.get(guid)
         if source is None:
@@ -147,7 +153,9 @@ class Reader:
                 source.ahead.setdefault(number, None)
         return _due(source)
 
-    def take_beat(self, guid: bytes, beat: Beat) -> tuple[list[Data], bytes]:
+    def take_beat(
+        self, guid: bytes, beat: HeartbeatSubmessage
+    ) -> tuple[list[DataSubmessage], bytes]:
         """Take what a writer has; return what is now due, and the answer.
 
         What comes before its writer is matched is kept: Fast DDS says it once, and again
@@ -168,7 +176,7 @@ class Reader:
         return due, rtps.acknack(self.entity, guid[12:], (source.expected, missing), source.count)
 
 
-def _due(source: Source) -> list[Data]:
+def _due(source: MatchedWriter) -> list[DataSubmessage]:
     for number in [number for number in source.ahead if number < source.expected]:
         del source.ahead[number]
     due = []

@@ -25,10 +25,10 @@ from collections import deque
 from collections.abc import Iterator
 
 from drivers.transports.ros2 import discovery, rtps
-from drivers.transports.ros2.discovery import Endpoint, Peer
+from drivers.transports.ros2.discovery import Peer, PeerEndpoint
 from drivers.transports.ros2.link import PARTICIPANTS_COUNT, LinkSettings
-from drivers.transports.ros2.reliable import Heard, Reader, Writer
-from drivers.transports.ros2.rtps import Address, Identity
+from drivers.transports.ros2.reliable import Heard, ReliableReader, Writer
+from drivers.transports.ros2.rtps import Address, SampleIdentity
 from labweb.domain.errors import DefinitionError, Effect, UnreachableError
 
 ANNOUNCE_S = 2.0
@@ -52,7 +52,7 @@ _SEDP = {
 _BUILT_IN = 0xC0  # 9.3.1.2: the kind of an entity that every participant has
 _READER_BIT = 0x04  # 9.3.1.2: kinds of readers have it, kinds of writers do not
 MOST_OWED = 256
-_Due = list[tuple[Heard, Identity, rtps.Data]]
+_Due = list[tuple[Heard, SampleIdentity, rtps.DataSubmessage]]
 
 
 class Participant:
@@ -69,12 +69,12 @@ class Participant:
         self._lock = threading.RLock()
         self._peers: dict[bytes, Peer] = {}
         self._heard_s: dict[bytes, float] = {}
-        self._remote: dict[bytes, Endpoint] = {}
+        self._remote: dict[bytes, PeerEndpoint] = {}
         self._writers = {entity: Writer(entity, "", "", is_lasting=True) for entity in _SEDP}
         self._readers = {
-            entity: Reader(entity, "", "", self._discovered) for entity in _SEDP.values()
+            entity: ReliableReader(entity, "", "", self._discovered) for entity in _SEDP.values()
         }
-        self._owed: deque[tuple[Writer, bytes, Identity]] = deque(maxlen=MOST_OWED)
+        self._owed: deque[tuple[Writer, bytes, SampleIdentity]] = deque(maxlen=MOST_OWED)
         self._next_entity = 0
         self._announced_count = 0
         self._announce_due_s = self._beat_due_s = 0.0
@@ -110,7 +110,7 @@ class Participant:
         """Make a reliable reader and return its GUID; `heard` is called on our thread."""
         with self._lock:
             entity = self._entity(0x04)  # 9.3.1.2: a reader without key
-            self._readers[entity] = Reader(entity, topic, type_name, heard)
+            self._readers[entity] = ReliableReader(entity, topic, type_name, heard)
             return self._tell_endpoint(rtps.SUBSCRIPTIONS_WRITER, entity, topic, type_name)
 
     def matched_count(self, guid: bytes) -> int:
@@ -121,7 +121,7 @@ class Participant:
                 return len(self._writers[entity].listeners)
             return len(self._readers[entity].sources)
 
-    def write(self, guid: bytes, payload: bytes, related: Identity) -> int:
+    def write(self, guid: bytes, payload: bytes, related: SampleIdentity) -> int:
         """Send one sample and return its sequence number.
 
         A reply to a reader that is not discovered yet waits for it; its number is 0.
@@ -248,7 +248,7 @@ class Participant:
             self._take_want(prefix, part)
             return []
         if part.writer == rtps.SPDP_WRITER:
-            if isinstance(part, rtps.Data):
+            if isinstance(part, rtps.DataSubmessage):
                 self._take_participant(part)
             return []
         guid = prefix + part.writer
@@ -256,16 +256,18 @@ class Participant:
         for reader in list(self._readers.values()):
             if part.reader in {reader.entity, rtps.UNKNOWN_ENTITY}:
                 for sample in self._take_for(reader, guid, part):
-                    due.append((reader.heard, Identity(guid, sample.sequence), sample))
+                    due.append((reader.heard, SampleIdentity(guid, sample.sequence), sample))
         return due
 
-    def _take_for(self, reader: Reader, guid: bytes, part: rtps.Part) -> list[rtps.Data]:
+    def _take_for(
+        self, reader: ReliableReader, guid: bytes, part: rtps.Part
+    ) -> list[rtps.DataSubmessage]:
         match part:
-            case rtps.Data():
+            case rtps.DataSubmessage():
                 return reader.take_data(guid, part)
             case rtps.Skip():
                 return reader.take_skip(guid, part)
-            case rtps.Beat():
+            case rtps.HeartbeatSubmessage():
                 due, answer = reader.take_beat(guid, part)
                 self._send(guid, answer)
                 return due
@@ -276,7 +278,7 @@ class Participant:
         if writer is not None and (again := writer.take_want(guid, want)):
             self._send(guid, writer.samples(guid, again))
 
-    def _take_participant(self, sample: rtps.Data) -> None:
+    def _take_participant(self, sample: rtps.DataSubmessage) -> None:
         if sample.is_gone:
             self._forget(discovery.read_gone(sample.payload)[:12])
             return
@@ -295,7 +297,7 @@ class Participant:
                 guid = peer.prefix + reader
                 self._send(guid, self._writers[writer].match(guid))
 
-    def _discovered(self, identity: Identity, sample: rtps.Data) -> None:
+    def _discovered(self, identity: SampleIdentity, sample: rtps.DataSubmessage) -> None:
         with self._lock, contextlib.suppress(*_ERRORS):
             if sample.is_gone:
                 self._lose(discovery.read_gone(sample.payload))
@@ -306,7 +308,7 @@ class Participant:
                 self._remote[found.guid] = found
                 self._match(found)
 
-    def _match(self, found: Endpoint) -> None:
+    def _match(self, found: PeerEndpoint) -> None:
         name = (found.topic, found.type)
         is_reader = found.guid[15] & _READER_BIT
         if not is_reader:

@@ -45,7 +45,7 @@ Address = tuple[str, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Identity:
+class SampleIdentity:
     """Which sample of which endpoint."""
 
     guid: bytes
@@ -53,7 +53,7 @@ class Identity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Data:
+class DataSubmessage:
     """One sample."""
 
     reader: bytes
@@ -61,13 +61,13 @@ class Data:
     """Entity ids, four bytes."""
 
     sequence: int
-    related: Identity | None
+    related: SampleIdentity | None
     is_gone: bool
     payload: bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beat:
+class HeartbeatSubmessage:
     """What a writer has: the first and the last sequence number."""
 
     reader: bytes
@@ -98,7 +98,7 @@ class Skip:
     others: tuple[int, ...]
 
 
-Part = Data | Beat | Want | Skip
+Part = DataSubmessage | HeartbeatSubmessage | Want | Skip
 
 
 @dataclass(slots=True)
@@ -143,7 +143,7 @@ def _read_part(kind: int, flags: int, order: str, body: bytes) -> Part | None:
         case 0x07:
             first, last = _number(order, body, 8), _number(order, body, 16)
             is_final = bool(flags & _FINAL)
-            return Beat(
+            return HeartbeatSubmessage(
                 reader=body[:4], writer=body[4:8], first=first, last=last, is_final=is_final
             )
         case 0x06:
@@ -156,7 +156,7 @@ def _read_part(kind: int, flags: int, order: str, body: bytes) -> Part | None:
     return None
 
 
-def _read_data(flags: int, order: str, body: bytes) -> Data:
+def _read_data(flags: int, order: str, body: bytes) -> DataSubmessage:
     (skip,) = struct.unpack_from(f"{order}H", body, 2)
     at = 4 + skip
     found: dict[int, bytes] = {}
@@ -167,10 +167,10 @@ def _read_data(flags: int, order: str, body: bytes) -> Data:
     raw = found.get(PID_RELATED, found.get(PID_RELATED_FAST))
     related = None
     if raw is not None and len(raw) >= 24:
-        related = Identity(raw[:16], _number(order, raw, 16))
+        related = SampleIdentity(raw[:16], _number(order, raw, 16))
     status = found.get(PID_STATUS, b"\0\0\0\0")
     has_payload = flags & (_HAS_DATA | _HAS_KEY)
-    return Data(
+    return DataSubmessage(
         reader=body[4:8],
         writer=body[8:12],
         sequence=_number(order, body, 12),
@@ -226,7 +226,7 @@ def data(
     return _part(DATA, flags, body + payload)
 
 
-def related(identity: Identity) -> dict[int, bytes]:
+def related(identity: SampleIdentity) -> dict[int, bytes]:
     """Name the request that a sample answers, or the reader that waits for the answer."""
     value = identity.guid + _render(identity.sequence)
     return {PID_RELATED: value, PID_RELATED_FAST: value}

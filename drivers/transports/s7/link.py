@@ -34,7 +34,7 @@ Observer = Callable[[bool, bytes], None]
 logging.getLogger("snap7").setLevel(logging.CRITICAL)
 
 
-class Link:
+class S7Link:
     """A connection; one request at a time, from one thread at a time."""
 
     def __init__(

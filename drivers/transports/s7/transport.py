@@ -26,7 +26,7 @@ from labweb.domain.errors import (
 )
 
 if TYPE_CHECKING:
-    from drivers.transports.s7.link import Link
+    from drivers.transports.s7.link import S7Link
 
 ANSWER_S = 3.0
 COUNTER_BYTES = 2
@@ -46,7 +46,7 @@ class S7Transport(Transport):
     def __init__(self, url: str, host: str, port: int, rack: int, slot: int) -> None:
         super().__init__(url, tcp_line(host, port))
         self._place = (host, port, rack, slot)
-        self._link: Link | None = None
+        self._link: S7Link | None = None
         self._beat: _Beat | None = None
 
     @property
@@ -61,7 +61,7 @@ class S7Transport(Transport):
         except ImportError as error:
             text = f"{error}: this host lacks the extra edge-s7"
             raise UnreachableError(text, effect=Effect.NONE) from error
-        link = module.Link(*self._place, ANSWER_S, self._show)
+        link = module.S7Link(*self._place, ANSWER_S, self._show)
         link.open()
         self._link = link
 
@@ -119,7 +119,7 @@ class S7Transport(Transport):
             self.write(block, start, ((count + 1) % COUNTS).to_bytes(COUNTER_BYTES, "big"))
 
     @contextmanager
-    def _asking(self) -> Iterator[Link]:
+    def _asking(self) -> Iterator[S7Link]:
         with self.lock:
             self._require_open()
             if self._link is None:

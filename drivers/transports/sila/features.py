@@ -24,7 +24,7 @@ _OWNER = re.compile(r"[a-z][a-z0-9.]{0,255}")
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class UnitConversion:
     """How a number is turned into SI units: times the factor, plus the offset."""
 
     label: str
@@ -42,7 +42,7 @@ class Value:
     basic: str
     """`Real`, `Integer`, `Boolean`, `String`; "" for what is no plain value."""
 
-    unit: Unit | None = None
+    unit: UnitConversion | None = None
     low: float | None = None
     high: float | None = None
     """Smallest and largest number that is inside; what the definition leaves out is not."""
@@ -51,7 +51,7 @@ class Value:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class FeatureCommand:
     """Something that a server does."""
 
     name: str
@@ -63,7 +63,7 @@ class Command:
 
 
 @dataclass(frozen=True, slots=True)
-class Property:
+class FeatureProperty:
     """Something that a server tells."""
 
     value: Value
@@ -79,8 +79,8 @@ class Feature:
 
     name: str
     doc: str = ""
-    commands: Mapping[str, Command] = field(default_factory=dict)
-    properties: Mapping[str, Property] = field(default_factory=dict)
+    commands: Mapping[str, FeatureCommand] = field(default_factory=dict)
+    properties: Mapping[str, FeatureProperty] = field(default_factory=dict)
 
     @property
     def service(self) -> str:
@@ -99,7 +99,7 @@ SERVICE = Feature(
     CORE,
     "SiLAService",
     commands={
-        "GetFeatureDefinition": Command(
+        "GetFeatureDefinition": FeatureCommand(
             "GetFeatureDefinition",
             is_observable=False,
             parameters=(_ID,),
@@ -107,7 +107,7 @@ SERVICE = Feature(
         )
     },
     properties={
-        name: Property(Value(name, "String"), is_observable=False)
+        name: FeatureProperty(Value(name, "String"), is_observable=False)
         for name in ("ServerName", "ServerType", "ServerUUID", "ServerVersion", "ServerVendorURL")
     },
 )
@@ -146,9 +146,9 @@ def _feature(root: ElementTree.Element) -> Feature:
     )
 
 
-def _command(node: ElementTree.Element) -> Command:
+def _command(node: ElementTree.Element) -> FeatureCommand:
     errors = node.find(f"{NAMESPACE}DefinedExecutionErrors")
-    return Command(
+    return FeatureCommand(
         _name(node),
         _text(node, "Observable") == "Yes",
         tuple(_value(one) for one in node.findall(f"{NAMESPACE}Parameter")),
@@ -158,8 +158,8 @@ def _command(node: ElementTree.Element) -> Command:
     )
 
 
-def _property(node: ElementTree.Element) -> Property:
-    return Property(_value(node), _text(node, "Observable") == "Yes")
+def _property(node: ElementTree.Element) -> FeatureProperty:
+    return FeatureProperty(_value(node), _text(node, "Observable") == "Yes")
 
 
 def _value(node: ElementTree.Element) -> Value:
@@ -191,7 +191,7 @@ def _range(limits: ElementTree.Element | None) -> tuple[float | None, float | No
     return bound("Minimal", math.inf), bound("Maximal", -math.inf)
 
 
-def _unit(node: ElementTree.Element | None) -> Unit | None:
+def _unit(node: ElementTree.Element | None) -> UnitConversion | None:
     if node is None:
         return None
     components = tuple(
@@ -199,7 +199,7 @@ def _unit(node: ElementTree.Element | None) -> Unit | None:
         for one in node.findall(f"{NAMESPACE}UnitComponent")
     )
     factor, offset = float(_text(node, "Factor")), float(_text(node, "Offset"))
-    return Unit(_text(node, "Label"), factor, offset, components)
+    return UnitConversion(_text(node, "Label"), factor, offset, components)
 
 
 def _name(node: ElementTree.Element) -> str:

@@ -16,9 +16,15 @@ from google.protobuf.message import (  # type: ignore[import-untyped]
     Message,
 )
 
-from drivers.transports.sila.features import SERVICE, Command, Feature, Property, Value
+from drivers.transports.sila.features import (
+    SERVICE,
+    Feature,
+    FeatureCommand,
+    FeatureProperty,
+    Value,
+)
 from drivers.transports.sila.messages import Messages, fill, plain
-from drivers.transports.sila.watch import Watch
+from drivers.transports.sila.watch import StreamWatch
 from labweb.domain.errors import (
     DeviceError,
     DeviceTimeoutError,
@@ -45,7 +51,7 @@ FRAMEWORK_ERRORS = (
 )
 
 
-class Link:
+class SilaLink:
     """A connection; every method blocks, and may be called from any thread."""
 
     def __init__(self, target: str, line: str, timeout_s: float, root: bytes | None) -> None:
@@ -61,7 +67,7 @@ class Link:
         self._target, self._line, self._timeout_s = target, line, timeout_s
         self._root = root
         self._messages = Messages()
-        self._watches: dict[str, Watch] = {}
+        self._watches: dict[str, StreamWatch] = {}
         self._channel: grpc.Channel | None = None
 
     def open(self) -> tuple[str, ...]:
@@ -109,7 +115,7 @@ class Link:
         command = SERVICE.commands["GetFeatureDefinition"]
         return str(self.call(SERVICE, command, arguments)["FeatureDefinition"])
 
-    def read(self, feature: Feature, one: Property) -> Any:  # noqa: ANN401 - a plain value
+    def read(self, feature: Feature, one: FeatureProperty) -> Any:  # noqa: ANN401 - a plain value
         """Return what a property tells now."""
         reply = self._messages.of([one.value])
         empty = self._messages.of([])()
@@ -120,7 +126,7 @@ class Link:
         return self._told(answer, one.value.name)
 
     def call(
-        self, feature: Feature, command: Command, arguments: Mapping[str, object]
+        self, feature: Feature, command: FeatureCommand, arguments: Mapping[str, object]
     ) -> dict[str, Any]:
         """Run a command that is answered once it is done."""
         request = fill(self._messages.of(command.parameters), arguments)
@@ -128,7 +134,9 @@ class Link:
         answer = self._ask(feature, command.name, request, reply)
         return {one.name: self._told(answer, one.name) for one in command.responses}
 
-    def begin(self, feature: Feature, command: Command, arguments: Mapping[str, object]) -> str:
+    def begin(
+        self, feature: Feature, command: FeatureCommand, arguments: Mapping[str, object]
+    ) -> str:
         """Begin a command that may be watched, and return the number of its execution."""
         request = fill(self._messages.of(command.parameters), arguments)
         reply = self._messages.framework("CommandConfirmation")
@@ -138,13 +146,13 @@ class Link:
             raise FrameError("a command was begun without a number", context={"line": self._line})
         return number
 
-    def state(self, feature: Feature, command: Command, number: str) -> int:
+    def state(self, feature: Feature, command: FeatureCommand, number: str) -> int:
         """Return the status of an execution: 0 waiting, 1 running, 2 succeeded, 3 failed."""
         reply = self._messages.framework("ExecutionInfo")
         answer = self._last(feature, f"{command.name}_Info", self._number(number), reply)
         return int(answer.commandStatus)
 
-    def result(self, feature: Feature, command: Command, number: str) -> dict[str, Any]:
+    def result(self, feature: Feature, command: FeatureCommand, number: str) -> dict[str, Any]:
         """Return what an execution that is over has answered."""
         reply = self._messages.of(command.responses)
         answer = self._ask(feature, f"{command.name}_Result", self._number(number), reply)
@@ -179,7 +187,7 @@ class Link:
             for other in [one for one in self._watches if one.startswith(f"{subject}/")]:
                 self._watches.pop(other).end()
             stream = self._method("unary_stream", feature, method, reply)(request)
-            watch = self._watches[key] = Watch(stream)
+            watch = self._watches[key] = StreamWatch(stream)
         if not watch.has_ended:
             self._prove_alive()
         try:

@@ -28,7 +28,7 @@ from labweb.domain.errors import (
 )
 
 if TYPE_CHECKING:
-    from drivers.transports.sila.link import Link
+    from drivers.transports.sila.link import SilaLink
 
 ANSWER_S = 5.0
 Progress = Literal["waiting", "running", "succeeded", "failed"]
@@ -56,7 +56,7 @@ class SilaTransport(Transport):
         super().__init__(url, tcp_line(host, port))
         self._target = f"{host}:{port}"
         self._is_encrypted, self._root = is_encrypted, root
-        self._link: Link | None = None
+        self._link: SilaLink | None = None
         self._features: dict[str, Feature | None] = {}
 
     @property
@@ -76,7 +76,9 @@ class SilaTransport(Transport):
             raise UnreachableError(
                 f"the certificate cannot be read: {error}", effect=Effect.NONE
             ) from error
-        link = module.Link(self._target, self.line, ANSWER_S, root if self._is_encrypted else None)
+        link = module.SilaLink(
+            self._target, self.line, ANSWER_S, root if self._is_encrypted else None
+        )
         self._features = dict.fromkeys(link.open())
         self._link = link
 
@@ -176,7 +178,7 @@ class SilaTransport(Transport):
             return link.result(feature, feature.commands[name], number)
 
     @contextmanager
-    def _asking(self, service: str, subject: str, *values: Any) -> Iterator[Link]:  # noqa: ANN401
+    def _asking(self, service: str, subject: str, *values: Any) -> Iterator[SilaLink]:  # noqa: ANN401
         """Keep the line for one request; a connection that broke is closed.
 
         After an answer that did not come in time, or cannot be read, it is made anew, so that what

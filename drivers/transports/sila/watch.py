@@ -13,7 +13,7 @@ from typing import Any
 import grpc  # type: ignore[import-untyped]
 
 
-class Watch:
+class StreamWatch:
     """Listens to one stream until it ends, or is ended."""
 
     def __init__(self, stream: Any) -> None:  # noqa: ANN401 - the library's class

@@ -18,7 +18,7 @@ MOST_BYTES = 4096
 LATE = StatusCode.error_timeout
 
 
-class Link:
+class VisaLink:
     """A session with one instrument; one request at a time, from one thread at a time."""
 
     def __init__(self, resource: str, library: str, timeout_s: float) -> None:

@@ -20,7 +20,7 @@ from drivers.transports.tcp import tcp_line
 from labweb.domain.errors import DefinitionError, Effect, UnreachableError
 
 if TYPE_CHECKING:
-    from drivers.transports.visa.link import Link
+    from drivers.transports.visa.link import VisaLink
 
 LIBRARY = "@py"
 HISLIP_PORT = 4880
@@ -67,7 +67,7 @@ class VisaTransport(ByteTransport):
     def __init__(self, url: str, resource: str, library: str = LIBRARY) -> None:
         super().__init__(url, check_resource(resource))
         self._resource, self._library = resource, library
-        self._link: Link | None = None
+        self._link: VisaLink | None = None
 
     @property
     def is_open(self) -> bool:
@@ -88,7 +88,7 @@ class VisaTransport(ByteTransport):
             text = f"{error}: this host lacks the extra edge-visa"
             raise UnreachableError(text, effect=Effect.NONE) from error
         try:
-            self._link = module.Link(self._resource, self._library, OPEN_TIMEOUT_S)
+            self._link = module.VisaLink(self._resource, self._library, OPEN_TIMEOUT_S)
         except OSError as error:
             raise UnreachableError(
                 f"{self.line} cannot be opened: {error}", effect=Effect.NONE
@@ -114,7 +114,7 @@ class VisaTransport(ByteTransport):
                 self._observe("in", part)
         self._may_owe_bytes = False
 
-    def _opened(self) -> Link:
+    def _opened(self) -> VisaLink:
         if self._link is None:
             raise OSError("the session is closed")
         return self._link

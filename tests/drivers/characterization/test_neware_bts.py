@@ -9,7 +9,7 @@ from drivers.characterization.neware_bts import (
     decode_element,
     encode_command,
 )
-from drivers.transports.replay import Exchange, ReplayTransport
+from drivers.transports.replay import RecordedExchange, ReplayTransport
 from labweb.domain.errors import DeviceError, Effect, FrameError, PreconditionError, RejectedError
 from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
 from tests.drivers.conformance.analysers import CYCLERS
@@ -42,7 +42,7 @@ def state(text: str) -> bytes:
 
 
 def channel(*exchanges: tuple[bytes, bytes]) -> NewareBts:
-    script = [Exchange(">", request, reply) for request, reply in exchanges]
+    script = [RecordedExchange(">", request, reply) for request, reply in exchanges]
     transport = ReplayTransport(script, line="replay:bts")
     transport.open()
     device = NewareBts(transport, SETTINGS)

@@ -15,7 +15,7 @@ from drivers.connectors import _motion as module
 from drivers.connectors._dt import decode_reply, encode_command
 from drivers.connectors.tricontinent_c3000 import TricontinentC3000
 from drivers.transports.base import Direction
-from drivers.transports.replay import Exchange, ReplayTransport
+from drivers.transports.replay import RecordedExchange, ReplayTransport
 from labweb.domain.errors import (
     DefinitionError,
     DeviceError,
@@ -94,7 +94,7 @@ def test_a_stop_in_mid_stroke_is_partial_with_the_volume_that_moved(play: Play) 
                 for one in script.steps
             ]
             for request, reply in ((b"/1?\r", b"/0`450\x03\r\n"), (b"/1?19\r", b"/0`1\x03\r\n")):
-                script.anytime[request] = Exchange(">?", request, reply)
+                script.anytime[request] = RecordedExchange(">?", request, reply)
 
     def stop() -> None:
         is_running.wait(5)

@@ -13,7 +13,7 @@ import pytest
 from drivers.catalog.scan import inspect_file
 from drivers.new import __main__ as command
 from drivers.new.effects_table import EFFECTS
-from drivers.new.order import CARRIERS, LISTS, Order, take_order
+from drivers.new.order import CARRIERS, LISTS, DriverOrder, take_order
 from drivers.new.ranges_table import RANGES
 from drivers.new.role import read_role, role_names
 from drivers.new.write import write_order
@@ -50,7 +50,7 @@ def checkout(tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Order]]:
+def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, DriverOrder]]:
     """One checkout with a new driver of every role, on one transport after the other."""
     root = copy_into(tmp_path_factory.mktemp("begun"))
     orders = {}
@@ -79,7 +79,7 @@ def run_own(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.parametrize("role", ROLES)
 def test_a_new_driver_of_every_role_keeps_every_rule(
-    begun: tuple[Path, dict[str, Order]], role: str
+    begun: tuple[Path, dict[str, DriverOrder]], role: str
 ) -> None:
     root, orders = begun
     order = orders[role]
@@ -106,7 +106,7 @@ def test_the_longest_name_and_title_fit_into_the_lines(checkout: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_the_own_test_of_every_new_driver_passes_at_once(
-    begun: tuple[Path, dict[str, Order]],
+    begun: tuple[Path, dict[str, DriverOrder]],
 ) -> None:
     root, orders = begun
     paths = [path for one in orders.values() for path in (one.driver_path, one.test_path)]
@@ -210,7 +210,7 @@ def test_the_command_says_what_it_wrote(
     assert command.main(words) == 0
     out = capsys.readouterr().out
     assert "wrote    drivers/processing/acme_bath.py\n" in out
-    assert "entered  AcmeBath in fixtures/instruments/models.py\n" in out
+    assert "entered  acme_bath in fixtures/instruments/models.py\n" in out
     assert (checkout / "drivers/processing/acme_bath.py").read_text().startswith('"""Acme B 12.\n')
 
 

@@ -16,7 +16,7 @@ from drivers.browse.browsed import Browsed
 from drivers.browse.opcua import browse
 from drivers.load import read_status
 from drivers.transports.opcua.codes import LOST, REFUSED, failure
-from drivers.transports.opcua.nodes import UNECE, Unit
+from drivers.transports.opcua.nodes import UNECE, EngineeringUnit
 from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.transports.urls import line_key, make_transport
 from labweb.domain.enrollment.spec import check_arguments
@@ -304,8 +304,8 @@ def test_every_status_code_that_is_judged_is_one_of_the_standard() -> None:
 
 
 def test_a_unit_is_known_by_its_common_code_and_only_by_it() -> None:
-    assert Unit(UNECE, 4_408_652, "anything").code == "CEL"
-    assert Unit("urn:maker", 4_408_652, "°C").code == ""
+    assert EngineeringUnit(UNECE, 4_408_652, "anything").code == "CEL"
+    assert EngineeringUnit("urn:maker", 4_408_652, "°C").code == ""
 
 
 @pytest.mark.parametrize(

@@ -187,18 +187,18 @@ def test_a_halt_between_drawing_and_giving_is_in_doubt(
     server: Server, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot = start()
-    real = _opentrons.Robot.command
+    real = _opentrons.OpentronsRobot.command
 
     def command(
-        self: _opentrons.Robot, kind: str, params: dict[str, Any], limit_s: float
-    ) -> _opentrons.Command:
+        self: _opentrons.OpentronsRobot, kind: str, params: dict[str, Any], limit_s: float
+    ) -> _opentrons.OpentronsCommand:
         done = real(self, kind, params, limit_s)
         if kind == "aspirate":
             server.runs[-1]["status"] = "running"
             robot.halt()
         return done
 
-    monkeypatch.setattr(_opentrons.Robot, "command", command)
+    monkeypatch.setattr(_opentrons.OpentronsRobot, "command", command)
     with pytest.raises(LabError) as caught:
         robot.transfer_liquid(**MOVE)
     assert caught.value.effect is Effect.UNKNOWN

@@ -21,7 +21,7 @@ from drivers.processing.sila_temperature_controller import (
     SilaTemperatureController,
 )
 from drivers.transports.sila.features import Value, parse_feature
-from drivers.transports.sila.link import Link
+from drivers.transports.sila.link import SilaLink
 from drivers.transports.sila.messages import Messages, fill, plain
 from drivers.transports.sila.transport import SilaTransport
 from drivers.transports.urls import file_of, line_key, make_transport
@@ -145,7 +145,7 @@ def test_messages_have_the_bytes_of_the_framework() -> None:
 def test_an_error_says_what_may_have_happened(
     told: bytes, sort: type[DeviceError], effect: Effect, text: str
 ) -> None:
-    link = Link("127.0.0.1:1", "tcp:127.0.0.1:1", 1.0, None)
+    link = SilaLink("127.0.0.1:1", "tcp:127.0.0.1:1", 1.0, None)
     error = link._told_failure(base64.b64encode(told).decode(), "it")
     assert (type(error), error.effect) == (sort, effect)
     assert text in error.message

@@ -18,7 +18,7 @@ from drivers.sensors._sight import look_at, open_picture
 from drivers.sensors.network_camera import NetworkCamera, decode_picture
 from drivers.transports.http import HttpReply
 from drivers.transports.urls import make_transport
-from fixtures.instruments.photograph import drawn, exposed
+from fixtures.instruments.sensors.photograph import drawn, exposed
 from labweb.domain.errors import (
     DefinitionError,
     DeviceError,

@@ -12,8 +12,8 @@ from drivers.transports.ros2 import discovery, names, rtps
 from drivers.transports.ros2.definitions import Definitions, Field, parse_fields
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
-from drivers.transports.ros2.reliable import Reader, Writer
-from drivers.transports.ros2.rtps import Identity
+from drivers.transports.ros2.reliable import ReliableReader, Writer
+from drivers.transports.ros2.rtps import SampleIdentity
 from drivers.transports.ros2.types import Types, type_name
 from labweb.domain.errors import DefinitionError, FrameError
 
@@ -157,8 +157,11 @@ def test_a_link_that_cannot_be_is_refused(settings: dict[str, object]) -> None:
         LinkSettings(**settings)  # type: ignore[arg-type]
 
 
-def a_pair() -> tuple[Writer, Reader, bytes, bytes]:
-    writer, reader = Writer(b"\0\0\1\3", "t", "T"), Reader(b"\0\0\1\4", "t", "T", lambda *_: None)
+def a_pair() -> tuple[Writer, ReliableReader, bytes, bytes]:
+    writer, reader = (
+        Writer(b"\0\0\1\3", "t", "T"),
+        ReliableReader(b"\0\0\1\4", "t", "T", lambda *_: None),
+    )
     return writer, reader, b"w" * 12 + writer.entity, b"r" * 12 + reader.entity
 
 
@@ -175,7 +178,7 @@ def test_every_sample_arrives_once_and_in_order_whatever_is_lost(data: st.DataOb
     line = [writer.match(reader_guid)]
     heard: list[bytes] = []
     for number in range(data.draw(st.integers(1, 12))):
-        related = rtps.related(Identity(b"q" * 16, number))
+        related = rtps.related(SampleIdentity(b"q" * 16, number))
         line.append(writer.samples(reader_guid, [writer.add(bytes([number]) * 4, related)]))
     for is_reliable in [False] * 6 + [True] * 3:
         for piece in line:
@@ -185,7 +188,7 @@ def test_every_sample_arrives_once_and_in_order_whatever_is_lost(data: st.DataOb
                 heard += [one.payload for one in _take(reader, writer_guid, part)]
         line = [writer.beat(reader_guid)]
         for part in parts_of(line[0]):
-            assert isinstance(part, rtps.Beat)
+            assert isinstance(part, rtps.HeartbeatSubmessage)
             due, answer = reader.take_beat(writer_guid, part)
             heard += [one.payload for one in due]
             for want in parts_of(answer):
@@ -195,9 +198,9 @@ def test_every_sample_arrives_once_and_in_order_whatever_is_lost(data: st.DataOb
     assert writer.waiting() == []
 
 
-def _take(reader: Reader, guid: bytes, part: rtps.Part) -> list[rtps.Data]:
+def _take(reader: ReliableReader, guid: bytes, part: rtps.Part) -> list[rtps.DataSubmessage]:
     match part:
-        case rtps.Data():
+        case rtps.DataSubmessage():
             return reader.take_data(guid, part)
         case rtps.Skip():
             return reader.take_skip(guid, part)
@@ -208,7 +211,7 @@ def test_a_writer_that_knew_of_us_first_has_told_where_it_begins() -> None:
     writer, reader, writer_guid, reader_guid = a_pair()
     writer.add(b"old!", {})
     (beat,) = parts_of(writer.match(reader_guid))
-    assert isinstance(beat, rtps.Beat)
+    assert isinstance(beat, rtps.HeartbeatSubmessage)
     assert reader.take_beat(writer_guid, beat) == ([], b"")
     reader.match(writer_guid)
     new = parts_of(writer.samples(reader_guid, [writer.add(b"new!", {})]))[0]
@@ -221,7 +224,7 @@ def test_who_comes_late_hears_nothing_of_before() -> None:
         writer.add(b"old!", {})
     reader.match(writer_guid)
     (beat,) = parts_of(writer.match(reader_guid))
-    assert isinstance(beat, rtps.Beat)
+    assert isinstance(beat, rtps.HeartbeatSubmessage)
     assert (beat.first, beat.last) == (4, 3)
     due, _ = reader.take_beat(writer_guid, beat)
     new = parts_of(writer.samples(reader_guid, [writer.add(b"new!", {})]))[0]

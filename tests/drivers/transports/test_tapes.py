@@ -14,7 +14,7 @@ from drivers.replay import replay
 from drivers.transports.http import HttpTransport
 from drivers.transports.modbus import RegisterTransport
 from drivers.transports.replay import (
-    Exchange,
+    RecordedExchange,
     TranscriptMismatchError,
     parse_transcript,
     render_transcript,
@@ -198,7 +198,7 @@ def test_a_transcript_by_hand_is_not_replayed_by_itself(
 
 
 def test_an_error_in_a_transcript_is_written_in_one_line() -> None:
-    exchange = Exchange(">", b"read holding 0 1", b"", "FrameError unknown: two\nlines")
+    exchange = RecordedExchange(">", b"read holding 0 1", b"", "FrameError unknown: two\nlines")
     text = render_transcript([exchange])
     assert text == "> read holding 0 1\n! FrameError unknown: two lines\n"
     assert parse_transcript(text)[0].failure == "FrameError unknown: two lines"

@@ -15,7 +15,7 @@ from uuid import UUID
 import pytest
 from pytest_django import Settings
 
-from fixtures.instruments.photograph import drawn, exposed
+from fixtures.instruments.sensors.photograph import drawn, exposed
 from labweb.common.clock import new_id
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Transaction

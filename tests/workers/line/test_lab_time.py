@@ -12,7 +12,7 @@ import pytest
 from drivers.load import call_action
 from drivers.transports.virtual import VirtualTransport
 from drivers.virtual.timer import HostTimer
-from drivers.waiting import Wanted, await_true, watch_reading
+from drivers.waiting import WantedReading, await_true, watch_reading
 from labweb.domain.enrollment.guards import watchdog_s
 from labweb.domain.errors import DefinitionError, DeviceError
 from workers.base.config import load_config
@@ -66,7 +66,7 @@ def test_a_wait_of_half_an_hour_takes_ninety_seconds_at_twenty_times() -> None:
 
 def test_a_hold_lasts_as_long_by_the_clock_of_the_instruments() -> None:
     started_s = time.monotonic()
-    wanted = Wanted(60.0, 1.0, "°C")
+    wanted = WantedReading(60.0, 1.0, "°C")
     watch_reading(a_timer(20.0), lambda: 60.0, wanted, duration_s=20.0, poll_s=1.0, grace_s=1.0)
     assert 1.0 <= time.monotonic() - started_s < 2.5
 
