@@ -32,11 +32,11 @@ from labweb.domain.graph.rig.lab import render_graph
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.recipes.opening import Asked, workflow_from
 from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
-from labweb.domain.recipes.xdl.recipe import Recipe, Step
+from labweb.domain.recipes.xdl.file_format.recipe import Recipe, Step
 from labweb.domain.workflows.compile import compile_workflow
 from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.plan_proof.proving import Proof, prove_plan
 from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
-from labweb.domain.workflows.proving import Proof, prove_plan
 
 _UNPROVED = "plan.not_proved"
 

@@ -19,8 +19,8 @@ from benchmarks.figures import Figure, report
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.workflows.compile import compile_workflow
 from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.plan_proof.proving import prove_plan
 from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
-from labweb.domain.workflows.proving import prove_plan
 from tests.domain.workflows import station
 
 TRANSFERS_COUNT = 50

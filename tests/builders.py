@@ -24,7 +24,7 @@ from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.messages import Do, EdgeEvent, Hello, Resolve, event_hash, hello_bytes
 from labweb.domain.resources.contents import LotId
-from labweb.domain.runs import edge
+from labweb.domain.runs.host_journal import edge
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.enrollment.services import CatalogDriver

@@ -9,10 +9,10 @@ from collections.abc import Callable
 import msgspec
 
 from labweb.domain.messages import Batch, Command, Do, Signed, decode_command
-from labweb.domain.runs import edge
-from labweb.domain.runs.edge import Answer
-from labweb.domain.runs.taking import Receipt as Receipt
-from labweb.domain.runs.taking import record_refusal, take_command
+from labweb.domain.runs.host_actions.taking import Receipt as Receipt
+from labweb.domain.runs.host_actions.taking import record_refusal, take_command
+from labweb.domain.runs.host_journal import edge
+from labweb.domain.runs.host_journal.edge import Answer
 from workers import faults
 from workers.devices import lines_of
 from workers.journal import Journal

@@ -5,9 +5,10 @@ from __future__ import annotations
 from labweb.domain.crutd.operations import Read
 from labweb.domain.enrollment.admission import refusal
 from labweb.domain.messages import Do
-from labweb.domain.runs import batch, edge, standing
-from labweb.domain.runs.edge import Answer
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.host_actions import batch, standing
+from labweb.domain.runs.host_journal import edge
+from labweb.domain.runs.host_journal.edge import Answer
+from labweb.domain.runs.host_journal.journal import ActionRow
 from workers import execute
 from workers.beside import LineThread
 from workers.journal import Journal

@@ -10,8 +10,15 @@ import msgspec
 
 from labweb.domain.errors import LabError
 from labweb.domain.messages import EdgeEvent, Pulse, Welcome, canonical
-from labweb.domain.runs.clocks import Anchor, Exchange, anchor_of, best_of, dated, with_anchor
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.host_link.clocks import (
+    Anchor,
+    Exchange,
+    anchor_of,
+    best_of,
+    dated,
+    with_anchor,
+)
 from workers.journal import Journal
 from workers.store import Store
 

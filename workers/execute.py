@@ -17,9 +17,9 @@ from labweb.domain.errors import DeviceError, Effect, LabError
 from labweb.domain.files import MEDIA_TYPES, NamedFile, check_files, plain_media_type
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.host_journal.bodies import plain
+from labweb.domain.runs.host_journal.edge import Report
+from labweb.domain.runs.host_journal.journal import ActionRow
 from workers import faults
 from workers.unit import Unit
 

@@ -15,13 +15,14 @@ from labweb.domain.crutd.conditions import Condition, Result
 from labweb.domain.errors import StateError
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, edge, meeting
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.bodies import plain, report_from
-from labweb.domain.runs.context import context_body
-from labweb.domain.runs.edge import ActionState, Answer, Report
-from labweb.domain.runs.journal import ActionRow, JournalError
-from labweb.domain.runs.meeting import Stand
+from labweb.domain.runs.host_actions import acting
+from labweb.domain.runs.host_actions.acting import Started
+from labweb.domain.runs.host_journal import edge, meeting
+from labweb.domain.runs.host_journal.bodies import plain, report_from
+from labweb.domain.runs.host_journal.context import context_body
+from labweb.domain.runs.host_journal.edge import ActionState, Answer, Report
+from labweb.domain.runs.host_journal.journal import ActionRow, JournalError
+from labweb.domain.runs.host_journal.meeting import Stand
 from workers import checks, execute, faults, pairs
 from workers.beside import LineThread
 from workers.execute import Acted

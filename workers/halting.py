@@ -10,11 +10,11 @@ from uuid import UUID
 
 from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
-from labweb.domain.runs.acting import Found
-from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.halting import MAY_MOVE, note_waiting, write_late_halt
-from labweb.domain.runs.journal import JournalError
-from labweb.domain.runs.motion import is_moving, tells_motion
+from labweb.domain.runs.halts.halting import MAY_MOVE, note_waiting, write_late_halt
+from labweb.domain.runs.halts.motion import is_moving, tells_motion
+from labweb.domain.runs.host_actions.acting import Found
+from labweb.domain.runs.host_journal.bodies import plain
+from labweb.domain.runs.host_journal.journal import JournalError
 from workers.journal import Journal
 from workers.unit import Unit
 

@@ -27,10 +27,16 @@ from labweb.domain.messages import (
     DeviceConfig,
     EdgeEvent,
 )
-from labweb.domain.runs.edge import ActionState, HostState
-from labweb.domain.runs.journal import ActionRow, Chain, JournalError, Seal, find_regression
-from labweb.domain.runs.moment import Moment
-from labweb.domain.runs.standing import state_of
+from labweb.domain.runs.host_actions.standing import state_of
+from labweb.domain.runs.host_journal.edge import ActionState, HostState
+from labweb.domain.runs.host_journal.journal import (
+    ActionRow,
+    Chain,
+    JournalError,
+    Seal,
+    find_regression,
+)
+from labweb.domain.runs.host_journal.moment import Moment
 from workers import faults
 from workers import journal_schema as schema
 from workers.bell import ring

@@ -16,8 +16,8 @@ from drivers.transports.urls import make_transport
 from labweb.domain.errors import LabError
 from labweb.domain.messages import DeviceConfig
 from labweb.domain.ports import Clock
-from labweb.domain.runs import halting
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_journal.journal import JournalError
 from workers.clock import SystemClock
 from workers.config import HostConfig, line_queue
 from workers.devices import lines_of

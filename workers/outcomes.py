@@ -10,10 +10,11 @@ from typing import Any, TypeVar
 from labweb.domain.crutd.conditions import Condition, Result
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, halting
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow, JournalError
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_actions import acting
+from labweb.domain.runs.host_actions.acting import Started
+from labweb.domain.runs.host_journal.edge import Report
+from labweb.domain.runs.host_journal.journal import ActionRow, JournalError
 from workers import faults
 from workers.journal import Journal
 from workers.room import is_short

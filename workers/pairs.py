@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, edge, meeting
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.edge import FINAL, ActionState, Answer
-from labweb.domain.runs.journal import ActionRow, JournalError
-from labweb.domain.runs.meeting import Stand
+from labweb.domain.runs.host_actions import acting
+from labweb.domain.runs.host_actions.acting import Started
+from labweb.domain.runs.host_journal import edge, meeting
+from labweb.domain.runs.host_journal.edge import FINAL, ActionState, Answer
+from labweb.domain.runs.host_journal.journal import ActionRow, JournalError
+from labweb.domain.runs.host_journal.meeting import Stand
 from workers.journal import Journal
 from workers.watch import AbandonedActionError
 

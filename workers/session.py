@@ -20,10 +20,10 @@ from labweb.domain.messages import (
     Welcome,
     countersigned_bytes,
 )
-from labweb.domain.runs import standing
-from labweb.domain.runs.countersigning import write_head
-from labweb.domain.runs.journal import JournalError
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_actions import standing
+from labweb.domain.runs.host_journal.countersigning import write_head
+from labweb.domain.runs.host_journal.journal import JournalError
+from labweb.domain.runs.host_journal.moment import Moment
 from workers import faults
 from workers.confine import describe
 from workers.journal import Journal

@@ -11,9 +11,9 @@ import msgspec
 
 from labweb.domain.errors import DeviceError, LabError
 from labweb.domain.ports import Clock
-from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.clocks import Anchor, Estimate, estimate
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_journal.bodies import plain
+from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.host_link.clocks import Anchor, Estimate, estimate
 from workers.files import share_picture
 from workers.journal import boot_id, since_boot_s
 from workers.store import Sample, Store

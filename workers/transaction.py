@@ -11,10 +11,10 @@ import msgspec
 
 from labweb.domain.canonical import without_null
 from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
-from labweb.domain.runs.edge import ActionState, HostState
-from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
-from labweb.domain.runs.moment import Moment
-from labweb.domain.runs.standing import state_of
+from labweb.domain.runs.host_actions.standing import state_of
+from labweb.domain.runs.host_journal.edge import ActionState, HostState
+from labweb.domain.runs.host_journal.journal import ActionRow, HeldResource, JournalError
+from labweb.domain.runs.host_journal.moment import Moment
 from workers.journal_schema import SELECT_ACTION, SELECT_STATE, SELECT_UNFINISHED, to_action
 
 PROGRESS = frozenset({"accepted", "started", "actuated"})

@@ -9,10 +9,10 @@ from uuid import UUID
 
 from labweb.domain.enrollment.kept import SURE_S, Kept, Seen, completed, kept_by, look
 from labweb.domain.ports import Clock
-from labweb.domain.runs.halting import sort_of
-from labweb.domain.runs.journal import JournalError
-from labweb.domain.runs.stands import KEY, Stands, read_stands
-from labweb.domain.runs.vanishing import write_vanished
+from labweb.domain.runs.halts.halting import sort_of
+from labweb.domain.runs.halts.stands import KEY, Stands, read_stands
+from labweb.domain.runs.halts.vanishing import write_vanished
+from labweb.domain.runs.host_journal.journal import JournalError
 from workers.journal import Journal
 from workers.store import Sample
 from workers.unit import Unit

@@ -9,8 +9,8 @@ from uuid import UUID
 
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow, JournalError
+from labweb.domain.runs.host_journal.edge import Report
+from labweb.domain.runs.host_journal.journal import ActionRow, JournalError
 from workers.execute import Act, Acted
 from workers.journal import Journal
 from workers.outcomes import Outcomes

@@ -38,9 +38,9 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.disk import Level
 from labweb.domain.enrollment.admission import shows_itself
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
-from labweb.domain.runs.halt_state import HaltState
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.halts.halt_state import HaltState
+from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.states.job import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors

@@ -21,7 +21,7 @@ from labweb.api.answers.drivers import (
 from labweb.common.answers import KeyedRef
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.session import SessionState
 from labweb.enrollment import selectors
 from labweb.enrollment.selectors import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors

@@ -22,7 +22,7 @@ from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.enrollment.tryout import SILENT_S, STARTS_S, Act, Tried, fitting, tried
 from labweb.domain.errors import Finding, NotFoundError
 from labweb.domain.messages import Countersigned, SimulatedModel, canonical
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.session import SessionState
 from labweb.enrollment.selectors import DriverVersion, EdgeHost
 from labweb.resources.selectors import Lab
 

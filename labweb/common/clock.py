@@ -14,7 +14,7 @@ from pathlib import Path
 from uuid import UUID
 
 from labweb.domain.messages import Tick
-from labweb.domain.runs.clocks import Happened
+from labweb.domain.runs.host_link.clocks import Happened
 
 _told: ContextVar[Happened | None] = ContextVar("told", default=None)
 

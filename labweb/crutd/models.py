@@ -9,8 +9,8 @@ from labweb.common.models import Base, enum_choices
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
-from labweb.domain.runs.holding import Mode
-from labweb.domain.runs.locks import LockMode
+from labweb.domain.runs.exclusive_use.holding import Mode
+from labweb.domain.runs.exclusive_use.locks import LockMode
 
 _ACCOUNT = rf"^({'|'.join(Account)}|[0-9a-f]{{8}}(-[0-9a-f]{{4}}){{3}}-[0-9a-f]{{12}})$"
 """A nominal account, or the id of a vessel."""

@@ -51,7 +51,7 @@ from labweb.domain.messages import (
     WithdrawAsk,
     unknown_frame,
 )
-from labweb.domain.runs.session import is_caught_up
+from labweb.domain.runs.host_link.session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services

@@ -6,9 +6,9 @@ from django.db import models
 
 from labweb.common.models import Base, enum_choices
 from labweb.domain.calibration.model import Quantity
-from labweb.domain.runs.custody import CustodyState
-from labweb.domain.runs.halt_state import HaltState
-from labweb.domain.runs.job import JobState, RunState
+from labweb.domain.runs.exclusive_use.custody import CustodyState
+from labweb.domain.runs.halts.halt_state import HaltState
+from labweb.domain.runs.states.job import JobState, RunState
 
 
 class Run(Base):

@@ -12,7 +12,7 @@ from labweb.common.answers import ApiAnswer
 from labweb.domain.enrollment.spec import Recovery
 from labweb.domain.errors import Finding
 from labweb.domain.graph.topology import Medium
-from labweb.domain.workflows.unit_operations import StepPort
+from labweb.domain.workflows.unit_operations.unit_operation import StepPort
 
 
 class StepChoice(ApiAnswer):

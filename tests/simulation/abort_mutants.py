@@ -7,8 +7,9 @@ from typing import Any
 import msgspec
 
 from labweb.domain.messages import Halt
-from labweb.domain.runs import halting, scheduler
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.dispatch import scheduler
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.states.job import RunState
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch
 

@@ -8,11 +8,12 @@ from typing import cast
 from uuid import UUID
 
 from labweb.domain.messages import Command, EdgeEvent, Halt, Signed
-from labweb.domain.runs import halt_state, halting, scheduler
-from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.halt_state import OPEN_HALTS, UNDECIDED, HaltState
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover, RunState
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.dispatch import scheduler
+from labweb.domain.runs.halts import halt_state, halting
+from labweb.domain.runs.halts.halt_state import OPEN_HALTS, UNDECIDED, HaltState
+from labweb.domain.runs.host_journal.edge import ActionState
+from labweb.domain.runs.host_journal.journal import ActionRow
+from labweb.domain.runs.states.job import AT_EDGE, FINAL, JobState, Mover, RunState
 from tests.simulation.checks import require
 from tests.simulation.halting import PUMP_OF, HaltingHost, HaltingServer, HaltingWorld
 from tests.simulation.host import SimHost

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from labweb.domain.runs import batch, recovery, standing
-from labweb.domain.runs.batch import Turn
-from labweb.domain.runs.edge import FINAL, ActionState, Answer
-from labweb.domain.runs.job import STEPS, JobState, Mover
+from labweb.domain.runs.after_failure import recovery
+from labweb.domain.runs.host_actions import batch, standing
+from labweb.domain.runs.host_actions.batch import Turn
+from labweb.domain.runs.host_journal.edge import FINAL, ActionState, Answer
+from labweb.domain.runs.states.job import STEPS, JobState, Mover
 from tests.simulation.host import SimHost
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch
@@ -86,7 +87,7 @@ def locks_free_between_members(patch: Patch) -> None:
 def complete_is_tried_anew(patch: Patch) -> None:
     """A job that is complete may be tried anew."""
     step = (JobState.COMPLETE, JobState.QUEUED, Mover.PERSON)
-    patch.setattr("labweb.domain.runs.job.STEPS", STEPS | {step})
+    patch.setattr("labweb.domain.runs.states.job.STEPS", STEPS | {step})
     every = {*recovery.UNDONE, JobState.COMPLETE}
     patch.setattr(recovery, "may_retry", lambda state: state in every)
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from labweb.domain.crutd.lifecycle import FINAL as SETTLED
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.job import FINAL, JobState, Mover
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_journal.edge import ActionState
+from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.states.job import FINAL, JobState, Mover
 from tests.simulation.lab import OWNER
 
 if TYPE_CHECKING:

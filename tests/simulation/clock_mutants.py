@@ -8,9 +8,9 @@ from dataclasses import replace
 import msgspec
 
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs import clocks
-from labweb.domain.runs.clocks import Anchor, Cause, Estimate, Exchange, Happened
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.host_link import clocks
+from labweb.domain.runs.host_link.clocks import Anchor, Cause, Estimate, Exchange, Happened
 from tests.simulation.mutants import Mutant, Patch
 
 

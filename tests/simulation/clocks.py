@@ -10,9 +10,9 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.messages import EdgeEvent, Events, Heartbeat, Pulse, Welcome
-from labweb.domain.runs import clocks
-from labweb.domain.runs.clocks import Anchor, Cause, Exchange, Happened
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.host_link import clocks
+from labweb.domain.runs.host_link.clocks import Anchor, Cause, Exchange, Happened
 from tests.simulation import batches
 from tests.simulation.checks import require
 from tests.simulation.host import SimHost

@@ -8,10 +8,10 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.messages import Command, Do, Reset, Signed, StopLab
-from labweb.domain.runs import standing
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.journal import HeldResource
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_actions import standing
+from labweb.domain.runs.host_journal.journal import HeldResource
+from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.states.job import JobState
 from tests.simulation.checks import require
 from tests.simulation.host import SimHost
 from tests.simulation.schedule import drain

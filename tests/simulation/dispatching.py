@@ -16,16 +16,12 @@ from labweb.domain.messages import (
     Do,
     Signed,
 )
-from labweb.domain.runs import (
-    batch,
-    isolation,
-    locks,
-    relay,
-    scheduler,
-    session,
-)
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.dispatch import isolation, relay, scheduler
+from labweb.domain.runs.exclusive_use import locks
+from labweb.domain.runs.host_actions import batch
+from labweb.domain.runs.host_link import session
+from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.states.job import AT_EDGE, FINAL, JobState, Mover
 from tests.simulation.lab import ACTION, BATCH, BENCH, id_of
 from tests.simulation.record import Record
 from tests.simulation.rows import Attempt, Host, Job, Row

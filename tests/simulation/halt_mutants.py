@@ -8,10 +8,11 @@ from typing import Any
 
 from labweb.domain.crutd import decide
 from labweb.domain.messages import StopLab, canonical
-from labweb.domain.runs import acting, halting, standing
-from labweb.domain.runs.acting import Found
-from labweb.domain.runs.edge import HostState
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_actions import acting, standing
+from labweb.domain.runs.host_actions.acting import Found
+from labweb.domain.runs.host_journal.edge import HostState
+from labweb.domain.runs.host_journal.journal import ActionRow
 from tests.simulation.halting import HaltingHost
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch

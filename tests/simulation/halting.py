@@ -12,11 +12,12 @@ import msgspec
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Effect
 from labweb.domain.messages import DeviceConfig, EdgeEvent, Reset, StopLab
-from labweb.domain.runs import acting, halting, standing
-from labweb.domain.runs.acting import Found, Started
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_actions import acting, standing
+from labweb.domain.runs.host_actions.acting import Found, Started
+from labweb.domain.runs.host_journal.edge import Report
+from labweb.domain.runs.host_journal.journal import ActionRow
+from labweb.domain.runs.states.job import JobState
 from tests.simulation.checks import require
 from tests.simulation.directed import signed
 from tests.simulation.host import SimHost

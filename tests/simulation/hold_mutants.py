@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.runs import claims, holding
-from labweb.domain.runs.claims import Claims, Stand
-from labweb.domain.runs.holding import Ask, Mode, Party, Refusal, Scene
+from labweb.domain.runs.exclusive_use import claims, holding
+from labweb.domain.runs.exclusive_use.claims import Claims, Stand
+from labweb.domain.runs.exclusive_use.holding import Ask, Mode, Party, Refusal, Scene
 from tests.simulation.mutants import Mutant, Patch
 
 

@@ -12,10 +12,10 @@ from typing import Literal
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
-from labweb.domain.runs import claims
-from labweb.domain.runs.claims import Claims, Stand, Use, Way
-from labweb.domain.runs.holding import Ask, Mode, Party, Scene
-from labweb.domain.runs.job import FINAL, JobState, Mover
+from labweb.domain.runs.exclusive_use import claims
+from labweb.domain.runs.exclusive_use.claims import Claims, Stand, Use, Way
+from labweb.domain.runs.exclusive_use.holding import Ask, Mode, Party, Scene
+from labweb.domain.runs.states.job import FINAL, JobState, Mover
 from tests.simulation import schedule
 from tests.simulation.checks import SENT, require
 from tests.simulation.halting import SETPOINT, HaltingServer, HaltingWorld

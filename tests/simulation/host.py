@@ -20,11 +20,12 @@ from labweb.domain.messages import (
     Signed,
     Welcome,
 )
-from labweb.domain.runs import acting, batch, edge, standing, taking
-from labweb.domain.runs.acting import Scene, Started
-from labweb.domain.runs.bodies import report_from
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.journal import (
+from labweb.domain.runs.host_actions import acting, batch, standing, taking
+from labweb.domain.runs.host_actions.acting import Scene, Started
+from labweb.domain.runs.host_journal import edge
+from labweb.domain.runs.host_journal.bodies import report_from
+from labweb.domain.runs.host_journal.edge import ActionState, Report
+from labweb.domain.runs.host_journal.journal import (
     ActionRow,
     Chain,
     JournalError,
@@ -32,7 +33,7 @@ from labweb.domain.runs.journal import (
     find_regression,
     is_raised,
 )
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_journal.moment import Moment
 from tests.simulation.lab import DEVICE_COUNT, JOURNAL, PUMPS, host_id, id_of
 from tests.simulation.link import Link
 from tests.simulation.memory import Disk, MemoryWrite

@@ -12,9 +12,9 @@ import msgspec
 
 from labweb.domain.errors import StateError
 from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
-from labweb.domain.runs import custody
-from labweb.domain.runs.custody import Custody, CustodyState
-from labweb.domain.runs.journal import HeldResource
+from labweb.domain.runs.exclusive_use import custody
+from labweb.domain.runs.exclusive_use.custody import Custody, CustodyState
+from labweb.domain.runs.host_journal.journal import HeldResource
 from tests.simulation.checks import require
 from tests.simulation.lab import id_of
 from tests.simulation.memory import BEGINNING, Disk, MemoryWrite

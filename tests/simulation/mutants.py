@@ -15,17 +15,14 @@ import msgspec
 import pytest
 
 from labweb.domain.messages import EdgeEvent, Hello
-from labweb.domain.runs import (
-    acting,
-    edge,
-    locks,
-    session,
-    standing,
-)
-from labweb.domain.runs.edge import ActionState, Answer, HostState
-from labweb.domain.runs.job import AT_EDGE, STEPS, JobState, Mover
-from labweb.domain.runs.journal import ActionRow
-from labweb.domain.runs.session import HelloAnswer, HostRecord, Intake, SessionState
+from labweb.domain.runs.exclusive_use import locks
+from labweb.domain.runs.host_actions import acting, standing
+from labweb.domain.runs.host_journal import edge
+from labweb.domain.runs.host_journal.edge import ActionState, Answer, HostState
+from labweb.domain.runs.host_journal.journal import ActionRow
+from labweb.domain.runs.host_link import session
+from labweb.domain.runs.host_link.session import HelloAnswer, HostRecord, Intake, SessionState
+from labweb.domain.runs.states.job import AT_EDGE, STEPS, JobState, Mover
 from tests.simulation import host as sim_host
 from tests.simulation import server as sim_server
 from tests.simulation.host import SimHost
@@ -132,7 +129,7 @@ def requeue_on_silence(patch: Patch) -> None:
                 self.move(made, JobState.QUEUED, Mover.SERVER)
 
     patch.setattr(
-        "labweb.domain.runs.job.STEPS",
+        "labweb.domain.runs.states.job.STEPS",
         STEPS | {(state, JobState.QUEUED, Mover.SERVER) for state in AT_EDGE},
     )
     patch.setattr(sim_server.SimServer, "isolate", isolate)

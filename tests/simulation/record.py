@@ -13,9 +13,10 @@ from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.errors import StateError
 from labweb.domain.resources.contents import add, remove
-from labweb.domain.runs import batch, job
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import HostRecord
+from labweb.domain.runs.host_actions import batch
+from labweb.domain.runs.host_link.session import HostRecord
+from labweb.domain.runs.states import job
+from labweb.domain.runs.states.job import JobState, Mover
 from tests.simulation.lab import HOSTS, OWNER, host_id, vessels
 from tests.simulation.rows import Attempt, Host, Job, Vessel, Watch
 

@@ -15,11 +15,11 @@ from labweb.domain.messages import (
     ResourceView,
     Signed,
 )
-from labweb.domain.runs import scheduler
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.locks import Lock
-from labweb.domain.runs.relay import BatchDraft
-from labweb.domain.runs.session import HostRecord, SessionState
+from labweb.domain.runs.dispatch import scheduler
+from labweb.domain.runs.dispatch.relay import BatchDraft
+from labweb.domain.runs.exclusive_use.locks import Lock
+from labweb.domain.runs.host_link.session import HostRecord, SessionState
+from labweb.domain.runs.states.job import JobState, Mover
 from tests.simulation.lab import host_id
 
 

@@ -10,20 +10,14 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.messages import EdgeEvent, Hello, Reset
-from labweb.domain.runs import (
-    edge,
-    intake,
-    isolation,
-    journal,
-    record,
-    relay,
-    session,
-    standing,
-    taking,
-)
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.journal import Seal
-from labweb.domain.runs.session import HelloAnswer, HostRecord, Intake
+from labweb.domain.runs.dispatch import isolation, relay
+from labweb.domain.runs.host_actions import standing, taking
+from labweb.domain.runs.host_journal import edge, journal, record
+from labweb.domain.runs.host_journal.journal import Seal
+from labweb.domain.runs.host_link import session
+from labweb.domain.runs.host_link.session import HelloAnswer, HostRecord, Intake
+from labweb.domain.runs.states import intake
+from labweb.domain.runs.states.job import JobState
 from tests.simulation import host as sim_host
 from tests.simulation import server as sim_server
 from tests.simulation.host import SimHost

@@ -24,15 +24,12 @@ from labweb.domain.messages import (
     Resume,
     Welcome,
 )
-from labweb.domain.runs import (
-    edge,
-    intake,
-    job,
-    recovery,
-    session,
-)
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.after_failure import recovery
+from labweb.domain.runs.host_journal import edge
+from labweb.domain.runs.host_link import session
+from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.states import intake, job
+from labweb.domain.runs.states.job import JobState, Mover
 from tests.simulation.dispatching import Dispatching
 from tests.simulation.link import Link
 from tests.simulation.rows import Attempt, Host, Job, Row

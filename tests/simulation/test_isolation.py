@@ -8,9 +8,9 @@ from random import Random
 
 import pytest
 
-from labweb.domain.runs import isolation
-from labweb.domain.runs.job import FINAL
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.dispatch import isolation
+from labweb.domain.runs.dispatch.scheduler import JobView
+from labweb.domain.runs.states.job import FINAL
 from tests.simulation import schedule
 from tests.simulation.world import APART, World, add_jobs
 

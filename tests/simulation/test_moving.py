@@ -11,9 +11,9 @@ import pytest
 
 from labweb.domain.errors import StateError
 from labweb.domain.messages import Release, ResourceView
-from labweb.domain.runs import custody
-from labweb.domain.runs.custody import Custody, CustodyState
-from labweb.domain.runs.journal import JournalWrite
+from labweb.domain.runs.exclusive_use import custody
+from labweb.domain.runs.exclusive_use.custody import Custody, CustodyState
+from labweb.domain.runs.host_journal.journal import JournalWrite
 from tests.simulation.checks import ViolationError
 from tests.simulation.lab import id_of
 from tests.simulation.memory import MemoryWrite

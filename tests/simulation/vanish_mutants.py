@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from labweb.domain.runs import halting, stands, vanishing
-from labweb.domain.runs.stands import Stands
+from labweb.domain.runs.halts import halting, stands, vanishing
+from labweb.domain.runs.halts.stands import Stands
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch
 from tests.simulation.vanishing import VanishingHost

@@ -18,10 +18,10 @@ import msgspec
 from labweb.domain.crutd.operations import Update
 from labweb.domain.enrollment.kept import Kept, Sort
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs import stands, vanishing
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.journal import ActionRow
-from labweb.domain.runs.stands import Stands
+from labweb.domain.runs.halts import stands, vanishing
+from labweb.domain.runs.halts.stands import Stands
+from labweb.domain.runs.host_journal.journal import ActionRow
+from labweb.domain.runs.states.job import JobState
 from tests.simulation import halts
 from tests.simulation.checks import require
 from tests.simulation.halting import (

@@ -14,8 +14,8 @@ from drivers.base import Driver, Report
 from drivers.load import call_action
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.messages import Cancel, Resolve, StopLab
-from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_journal.edge import ActionState
+from labweb.domain.runs.host_journal.journal import JournalError
 from tests.workers.bench import (
     BOTTLE_ID,
     DEVICE_ID,

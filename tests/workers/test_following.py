@@ -10,8 +10,8 @@ import pytest
 
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.messages import Cancel
-from labweb.domain.runs import acting
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_actions import acting
+from labweb.domain.runs.host_journal.journal import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_do, plain
 from workers import faults, outcomes
 from workers.watch import AbandonedActionError

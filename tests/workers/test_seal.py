@@ -9,8 +9,8 @@ from uuid import uuid4
 import msgspec
 import pytest
 
-from labweb.domain.runs import standing
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_actions import standing
+from labweb.domain.runs.host_journal.journal import JournalError
 from tests.workers.bench import Host, a_do
 from workers.journal import Journal
 from workers.keys import create_key

@@ -32,7 +32,7 @@ from labweb.domain.crutd.lifecycle import FINAL, TransactionState
 from labweb.domain.crutd.provenance import is_nominal
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
-from labweb.domain.runs.locks import Lock, LockMode
+from labweb.domain.runs.exclusive_use.locks import Lock, LockMode
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Lab, Lot, Resource
 

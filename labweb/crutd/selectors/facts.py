@@ -16,9 +16,9 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.replay import link
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
 from labweb.domain.resources.contents import LotId, Phase
-from labweb.domain.runs.holding import ROOMY
-from labweb.domain.runs.holding import places_of as places_in
-from labweb.domain.runs.locks import conflicts, lock_set
+from labweb.domain.runs.exclusive_use.holding import ROOMY
+from labweb.domain.runs.exclusive_use.holding import places_of as places_in
+from labweb.domain.runs.exclusive_use.locks import conflicts, lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot, Material
 from labweb.resources.selectors.standing import places_of

@@ -19,8 +19,8 @@ from labweb.crutd.services.posting import open_transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.reserved import reservations
-from labweb.domain.runs.batch import shares
-from labweb.domain.runs.locks import lock_set
+from labweb.domain.runs.exclusive_use.locks import lock_set
+from labweb.domain.runs.host_actions.batch import shares
 from labweb.resources.selectors import Lab
 
 

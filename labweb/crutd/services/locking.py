@@ -17,9 +17,9 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import Finding, LockedError
-from labweb.domain.runs.holding import ROOMY, places_of
-from labweb.domain.runs.locks import Lock, conflicts, lock_set
-from labweb.domain.runs.reserving import Claim, in_the_way
+from labweb.domain.runs.exclusive_use.holding import ROOMY, places_of
+from labweb.domain.runs.exclusive_use.locks import Lock, conflicts, lock_set
+from labweb.domain.runs.exclusive_use.reserving import Claim, in_the_way
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Resource
 

@@ -26,8 +26,8 @@ from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.reserved import reservations
 from labweb.domain.errors import PreconditionError
-from labweb.domain.runs.holding import places_of
-from labweb.domain.runs.locks import lock_set
+from labweb.domain.runs.exclusive_use.holding import places_of
+from labweb.domain.runs.exclusive_use.locks import lock_set
 from labweb.resources.selectors import Above, Lab, Resource
 
 

@@ -18,7 +18,7 @@ from labweb.common.prepared import Question, together
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting
 from labweb.domain.crutd.reserved import Reservation
-from labweb.domain.runs.locks import Lock
+from labweb.domain.runs.exclusive_use.locks import Lock
 
 _OPEN = """
 WITH opened AS (

@@ -26,7 +26,7 @@ from labweb.domain.crutd.ledger import vessels_of
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.reserved import Reservation, reservations
 from labweb.domain.errors import Finding, PreconditionError, StateError
-from labweb.domain.runs.batch import heirs
+from labweb.domain.runs.host_actions.batch import heirs
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab

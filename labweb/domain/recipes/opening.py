@@ -29,11 +29,11 @@ from labweb.domain.recipes.recipe_on_rig import (
 from labweb.domain.recipes.recipe_plan import Wish, expand_recipe
 from labweb.domain.recipes.rig_choices import without_jars
 from labweb.domain.recipes.workflow_on_rig import document_of, workflow_on_rig
-from labweb.domain.recipes.xdl.declared import Declared, bindings, read_declared
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.recipe import Procedure, Recipe
-from labweb.domain.recipes.xdl.values import unit_of, written
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.recipe import Procedure, Recipe
+from labweb.domain.recipes.xdl.file_format.values import unit_of, written
+from labweb.domain.recipes.xdl.lab_choices.declared import Declared, bindings, read_declared
 from labweb.domain.units import parse_volume_nl
 
 _NL_PER_UL = 1000

@@ -12,14 +12,14 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.proof.prove import prove
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.recipe_plan import Wish, check_single, compile_recipe
-from labweb.domain.recipes.xdl.chosen import OnRig
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.json_form import parse_json
-from labweb.domain.recipes.xdl.markup import Document, parse_markup
-from labweb.domain.recipes.xdl.read import check_document, refusal
-from labweb.domain.recipes.xdl.recipe import Recipe
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.as_workflow.to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.json_form import parse_json
+from labweb.domain.recipes.xdl.file_format.markup import Document, parse_markup
+from labweb.domain.recipes.xdl.file_format.read import check_document, refusal
+from labweb.domain.recipes.xdl.file_format.recipe import Recipe
+from labweb.domain.recipes.xdl.lab_choices.chosen import OnRig
+from labweb.domain.recipes.xdl.lab_choices.declared import Declared
+from labweb.domain.recipes.xdl.unfolding.unfold import unfold
 
 
 @dataclass(frozen=True, slots=True)

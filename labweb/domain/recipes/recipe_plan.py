@@ -11,15 +11,7 @@ from typing import Any
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.volumes import check_volumes
-from labweb.domain.recipes.on_rig import (
-    conditions,
-    gases,
-    instruments,
-    liquids,
-    parting,
-    rinsing,
-    rounds,
-)
+from labweb.domain.recipes.on_rig import rinsing
 from labweb.domain.recipes.on_rig.binding import Binding, bind
 from labweb.domain.recipes.on_rig.charging import charge, check_charge
 from labweb.domain.recipes.on_rig.chemistry import read_chemistry
@@ -36,14 +28,22 @@ from labweb.domain.recipes.on_rig.scheduling import (
     earlier_steps,
 )
 from labweb.domain.recipes.on_rig.stated import check_nodes
+from labweb.domain.recipes.on_rig.steps import (
+    conditions,
+    gases,
+    instruments,
+    liquids,
+    parting,
+    rounds,
+)
 from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.recipes.xdl.expansion.expand import Expansion, all_operations, expand
 from labweb.domain.recipes.xdl.expansion.heeded import Heeded
 from labweb.domain.recipes.xdl.expansion.reading import default_number
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.markup import NOWHERE
-from labweb.domain.recipes.xdl.recipe import Procedure, Recipe
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.markup import NOWHERE
+from labweb.domain.recipes.xdl.file_format.recipe import Procedure, Recipe
+from labweb.domain.recipes.xdl.unfolding.unfold import unfold
 
 VERSION = 1
 MOST_STEPS = 100_000

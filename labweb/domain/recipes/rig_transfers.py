@@ -13,8 +13,8 @@ from labweb.domain.graph.elements import Role
 from labweb.domain.graph.lab_file.guard import decode_json
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.units import parse, parse_volume_nl, steady
-from labweb.domain.workflows.passes.backbone import Group, make_groups
-from labweb.domain.workflows.passes.splitting import count_strokes
+from labweb.domain.workflows.passes.liquids.backbone import Group, make_groups
+from labweb.domain.workflows.passes.liquids.splitting import count_strokes
 
 MOVE_UL_S = 40_000 / 60
 """Plungers move at 40 mL/min unless a request or a small syringe says less.

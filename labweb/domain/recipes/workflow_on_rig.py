@@ -17,8 +17,8 @@ from labweb.domain.recipes.rig_choices import (
     with_receivers,
     without_jars,
 )
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.recipe import Recipe
+from labweb.domain.recipes.xdl.file_format.recipe import Recipe
+from labweb.domain.recipes.xdl.lab_choices.declared import Declared
 
 
 def workflow_on_rig(

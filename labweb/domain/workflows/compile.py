@@ -11,31 +11,31 @@ from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.workflows.edges import find_earlier, sort_steps
-from labweb.domain.workflows.passes.acting import PLANNERS
-from labweb.domain.workflows.passes.asking import plan_add_solid, plan_confirm
-from labweb.domain.workflows.passes.awaiting import plan_await_temperature
-from labweb.domain.workflows.passes.boiling import plan_evaporate
-from labweb.domain.workflows.passes.by_role import check_whole, plan_role_action
-from labweb.domain.workflows.passes.carrying import plan_carry
-from labweb.domain.workflows.passes.correcting import correct_step
+from labweb.domain.workflows.passes.chemistry.boiling import plan_evaporate
+from labweb.domain.workflows.passes.chemistry.drying import plan_dry
+from labweb.domain.workflows.passes.chemistry.filtering import plan_filter
+from labweb.domain.workflows.passes.chemistry.gassing import plan_evacuate_refill
+from labweb.domain.workflows.passes.chemistry.layering import plan_separate
+from labweb.domain.workflows.passes.chemistry.reacting import plan_react
+from labweb.domain.workflows.passes.devices.acting import PLANNERS
+from labweb.domain.workflows.passes.devices.awaiting import plan_await_temperature
+from labweb.domain.workflows.passes.devices.by_role import check_whole, plan_role_action
+from labweb.domain.workflows.passes.devices.carrying import plan_carry
+from labweb.domain.workflows.passes.devices.correcting import correct_step
+from labweb.domain.workflows.passes.devices.looking import plan_look
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.drying import plan_dry
-from labweb.domain.workflows.passes.emptying import plan_empty_syringe
-from labweb.domain.workflows.passes.filtering import plan_filter
-from labweb.domain.workflows.passes.gassing import plan_evacuate_refill
-from labweb.domain.workflows.passes.layering import plan_separate
-from labweb.domain.workflows.passes.ledger import Ledger
-from labweb.domain.workflows.passes.looking import plan_look
-from labweb.domain.workflows.passes.ordering import check_order
-from labweb.domain.workflows.passes.pushing import plan_push_gas
-from labweb.domain.workflows.passes.reacting import plan_react
-from labweb.domain.workflows.passes.references import check_references
-from labweb.domain.workflows.passes.strokes import syringe_tolerance_ul
-from labweb.domain.workflows.passes.transfer import plan_transfer
+from labweb.domain.workflows.passes.liquids.emptying import plan_empty_syringe
+from labweb.domain.workflows.passes.liquids.pushing import plan_push_gas
+from labweb.domain.workflows.passes.liquids.strokes import syringe_tolerance_ul
+from labweb.domain.workflows.passes.liquids.transfer import plan_transfer
+from labweb.domain.workflows.passes.people.asking import plan_add_solid, plan_confirm
+from labweb.domain.workflows.passes.plan_checks.ledger import Ledger
+from labweb.domain.workflows.passes.plan_checks.ordering import check_order
+from labweb.domain.workflows.passes.plan_checks.references import check_references
 from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.plan import Choice, Plan, PlannedJob, PlannedStep
 from labweb.domain.workflows.protocol import Step, Workflow, bind_materials
-from labweb.domain.workflows.steps import sentence_text
+from labweb.domain.workflows.unit_operations.steps import sentence_text
 
 _PLANNERS = {
     "transfer": plan_transfer,

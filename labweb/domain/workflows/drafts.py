@@ -23,7 +23,7 @@ from labweb.domain.workflows.protocol import (
     STEP_ID,
     read_position,
 )
-from labweb.domain.workflows.steps import STEP_KINDS, ParameterSort
+from labweb.domain.workflows.unit_operations.steps import STEP_KINDS, ParameterSort
 
 MOST_FINDINGS = 50
 """Findings that are told at once."""

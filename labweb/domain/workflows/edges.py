@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.workflows.steps import STEP_KINDS, PortKind, StepPort, UnitOperation
+from labweb.domain.workflows.unit_operations.steps import (
+    STEP_KINDS,
+    PortKind,
+    StepPort,
+    UnitOperation,
+)
 
 _FIELDS = ("id", "source", "source_port", "target", "target_port")
 _LONGEST = 80

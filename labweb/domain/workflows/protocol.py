@@ -15,7 +15,7 @@ from labweb.domain.workflows.edges import Edge, check_edges
 from labweb.domain.workflows.execution import read_execution, render_execution
 from labweb.domain.workflows.nesting import arguments_problem, check_depth
 from labweb.domain.workflows.plan import Execution
-from labweb.domain.workflows.steps import (
+from labweb.domain.workflows.unit_operations.steps import (
     STEP_KINDS,
     ParameterSort,
     StepParameter,

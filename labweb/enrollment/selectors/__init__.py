@@ -21,7 +21,7 @@ from labweb.domain.enrollment.sighting import FORGOTTEN_AFTER_S
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import NotFoundError
 from labweb.domain.messages import DeviceConfig, StopLab
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.session import SessionState
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device
 from labweb.enrollment.models import DriverVersion as DriverVersion

@@ -14,7 +14,7 @@ from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import ForbiddenError, StateError
-from labweb.domain.runs.session import (
+from labweb.domain.runs.host_link.session import (
     FENCED_CODE,
     SessionState,
     check_fence,

@@ -28,7 +28,7 @@ from labweb.domain.messages import (
     hello_bytes,
     version_refusal,
 )
-from labweb.domain.runs.session import (
+from labweb.domain.runs.host_link.session import (
     HostRecord,
     SessionState,
     after_hello,

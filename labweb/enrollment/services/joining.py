@@ -37,7 +37,7 @@ from labweb.domain.enrollment.join import (
 from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.domain.messages import Refuse
-from labweb.domain.runs.session import SessionState, readmitted
+from labweb.domain.runs.host_link.session import SessionState, readmitted
 from labweb.enrollment import selectors
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.enrollment.services.certificates import keep_certificate

@@ -13,7 +13,7 @@ from labweb.domain.calibration.judge import LevelResult
 from labweb.domain.calibration.model import Quantity, Standing
 from labweb.domain.calibration.order import Reference
 from labweb.domain.errors import Finding
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job import RunState
 
 CalibrationState = Literal["measuring", "failed", "awaiting", "accepted", "rejected", "withdrawn"]
 """How far a calibration has come."""

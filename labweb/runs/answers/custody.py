@@ -9,7 +9,7 @@ from msgspec import field
 
 from labweb.common.answers import ApiAnswer, NamedRef
 from labweb.domain.graph.topology import Medium
-from labweb.domain.runs.custody import CustodyState
+from labweb.domain.runs.exclusive_use.custody import CustodyState
 
 
 class CustodyMove(ApiAnswer):

@@ -12,8 +12,8 @@ from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, KeyedRef
 from labweb.domain.calibration.model import Correction
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.recovery import Choice
+from labweb.domain.runs.after_failure.recovery import Choice
+from labweb.domain.runs.states.job import JobState
 from labweb.runs.answers.rows import RecoveryName
 
 PassedBy = Literal["skip", "hand", "change"]

@@ -7,7 +7,7 @@ from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
 from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.session import SessionState
 
 
 class StopHost(ApiAnswer):

@@ -8,7 +8,7 @@ from uuid import UUID
 
 from labweb.common.answers import ApiAnswer, KeyedRef, NamedRef
 from labweb.domain.crutd.provenance.graph import Bond, Kind
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job import JobState
 
 
 class ProvenanceNode(ApiAnswer):

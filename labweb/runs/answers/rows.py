@@ -11,7 +11,7 @@ from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer
 from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job import RunState
 
 RecoveryName = Literal["retry", "change", "done_by_hand", "skip"]
 

@@ -22,7 +22,7 @@ from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Stan
 from labweb.domain.calibration.order import Order, PhOrder, TemperatureOrder, VolumeOrder
 from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
 from labweb.domain.errors import Finding, NotFoundError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors

@@ -22,7 +22,7 @@ from labweb.domain.crutd.operations import Disconnect, TransferResource
 from labweb.domain.errors import Finding
 from labweb.domain.graph.attached import that_hold
 from labweb.domain.resources.places import PLACES, Place, check_standing
-from labweb.domain.runs.custody import CustodyState
+from labweb.domain.runs.exclusive_use.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource

@@ -17,9 +17,9 @@ from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job import RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.steps import STEP_KINDS, sentence
+from labweb.domain.workflows.unit_operations.steps import STEP_KINDS, sentence
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services

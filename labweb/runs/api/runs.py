@@ -25,9 +25,9 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.context import without_surroundings
-from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.after_failure.departing import Departure
+from labweb.domain.runs.host_journal.context import without_surroundings
+from labweb.domain.runs.states.job import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services

@@ -18,9 +18,9 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.disk import Level
 from labweb.domain.errors import NotFoundError
 from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.job import AT_EDGE, JobState, RunState
-from labweb.domain.runs.recovery import Wait
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.after_failure.recovery import Wait
+from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.states.job import AT_EDGE, JobState, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors

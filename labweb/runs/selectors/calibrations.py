@@ -19,7 +19,7 @@ from labweb.domain.calibration.model import Correction, Quantity, Standing
 from labweb.domain.calibration.order import Reference
 from labweb.domain.calibration.sending import check_sending
 from labweb.domain.errors import Finding, NotFoundError, StateError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job import RunState
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration, Job
 

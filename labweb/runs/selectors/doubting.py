@@ -11,8 +11,14 @@ from django.db.models import F
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors import Ticket
 from labweb.domain.calibration.model import Correction, Quantity
-from labweb.domain.runs.doubting import DIRECTIONS, PLUNGER, Measured, Plunger, measure
-from labweb.domain.runs.halting import INTERRUPTED, MAY_MOVE
+from labweb.domain.runs.after_failure.doubting import (
+    DIRECTIONS,
+    PLUNGER,
+    Measured,
+    Plunger,
+    measure,
+)
+from labweb.domain.runs.halts.halting import INTERRUPTED, MAY_MOVE
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 

@@ -13,11 +13,11 @@ from django.db.models import Q
 from labweb.accounts.selectors import User
 from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
-from labweb.domain.runs import doubting, recovery
-from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import FINAL, JobState
-from labweb.domain.runs.recovery import UNDONE, Choice, Ended, Later, Partner, Wait
+from labweb.domain.runs.after_failure import doubting, recovery
+from labweb.domain.runs.after_failure.departing import Departure
+from labweb.domain.runs.after_failure.recovery import UNDONE, Choice, Ended, Later, Partner, Wait
+from labweb.domain.runs.halts.halting import LET_GO
+from labweb.domain.runs.states.job import FINAL, JobState
 from labweb.runs.answers.jobs import RecoveryCard
 from labweb.runs.answers.jobs import recovery_choices as told_choices
 from labweb.runs.models import Attempt, Job, Run

@@ -15,11 +15,11 @@ from labweb.common import disk
 from labweb.common.prepared import Given, Prepared, Question, together
 from labweb.domain.disk import Disk, Level
 from labweb.domain.errors import LabError, NotFoundError
-from labweb.domain.runs import scheduler
-from labweb.domain.runs.halt_state import UNDECIDED, HaltState
-from labweb.domain.runs.job import UNSTARTED, JobState, RunState
-from labweb.domain.runs.recovery import is_taken_away
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.after_failure.recovery import is_taken_away
+from labweb.domain.runs.dispatch import scheduler
+from labweb.domain.runs.dispatch.scheduler import JobView
+from labweb.domain.runs.halts.halt_state import UNDECIDED, HaltState
+from labweb.domain.runs.states.job import UNSTARTED, JobState, RunState
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

@@ -11,8 +11,8 @@ from django.db.models import Max, QuerySet
 
 from labweb.common.clock import now
 from labweb.domain.enrollment.kept import kept_by, unread_since_s
-from labweb.domain.runs.halting import Done, still_standing
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.halts.halting import Done, still_standing
+from labweb.domain.runs.states.job import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Job, Run

@@ -16,7 +16,7 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, StateError
 from labweb.domain.messages import Ask, AskTold
 from labweb.domain.messages.asking import MOST_ARGUMENTS_BYTES
-from labweb.domain.runs.job import FINAL, JobState, RunState
+from labweb.domain.runs.states.job import FINAL, JobState, RunState
 from labweb.domain.workflows import protocol
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost

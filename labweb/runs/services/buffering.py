@@ -18,9 +18,9 @@ from labweb.domain.calibration.model import Quantity
 from labweb.domain.calibration.order import PhOrder, check_ph_order
 from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job import JobState
 from labweb.domain.workflows.calibrating import buffer_workflow, reading_id
-from labweb.domain.workflows.passes.pumping import pump_node
+from labweb.domain.workflows.passes.liquids.pumping import pump_node
 from labweb.domain.workflows.passes.roles import acting_node, plays
 from labweb.domain.workflows.passes.view import LabView
 from labweb.enrollment.selectors import Device

@@ -34,7 +34,7 @@ from labweb.domain.errors import (
     StateError,
 )
 from labweb.domain.messages import canonical
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors

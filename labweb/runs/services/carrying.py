@@ -17,7 +17,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Change
 from labweb.domain.crutd.operations import TransferResource
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.dispatch.scheduler import JobView
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt

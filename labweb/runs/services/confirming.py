@@ -25,7 +25,7 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferMass
 from labweb.domain.errors import DefinitionError, PreconditionError, StateError
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job import JobState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job

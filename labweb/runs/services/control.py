@@ -17,8 +17,8 @@ from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, RevisionError, StateError
-from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
+from labweb.domain.runs.after_failure.departing import Departure
+from labweb.domain.runs.states.job import FINAL, UNSTARTED, JobState, Mover, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors

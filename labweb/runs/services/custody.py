@@ -30,8 +30,8 @@ from labweb.domain.errors import (
     StateError,
 )
 from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
-from labweb.domain.runs import custody as rules
-from labweb.domain.runs.custody import CustodyState
+from labweb.domain.runs.exclusive_use import custody as rules
+from labweb.domain.runs.exclusive_use.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource

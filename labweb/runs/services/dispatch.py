@@ -33,9 +33,9 @@ from labweb.domain.messages import (
     Signed,
     StandingView,
 )
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batch, stamped
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.dispatch.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batch, stamped
+from labweb.domain.runs.dispatch.scheduler import JobView
+from labweb.domain.runs.states.job import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, EdgeHost

@@ -24,7 +24,7 @@ from labweb.domain.errors import (
     StateError,
 )
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.job import AT_EDGE, FINAL
+from labweb.domain.runs.states.job import AT_EDGE, FINAL
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, DriverVersion, EdgeHost

@@ -15,8 +15,8 @@ from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import StateError
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import FENCED_CODE, SessionState
+from labweb.domain.runs.host_link.session import FENCED_CODE, SessionState
+from labweb.domain.runs.states.job import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost

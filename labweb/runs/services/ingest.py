@@ -25,13 +25,13 @@ from labweb.domain.canonical import without_null
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.clocks import Cause, Happened, happened, latest, told_moment
-from labweb.domain.runs.context import read_context
-from labweb.domain.runs.halting import IS_HALTED
-from labweb.domain.runs.intake import Meaning, read_event
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import check_events, heard
-from labweb.domain.runs.vanishing import EVENT as LOSS
+from labweb.domain.runs.halts.halting import IS_HALTED
+from labweb.domain.runs.halts.vanishing import EVENT as LOSS
+from labweb.domain.runs.host_journal.context import read_context
+from labweb.domain.runs.host_link.clocks import Cause, Happened, happened, latest, told_moment
+from labweb.domain.runs.host_link.session import check_events, heard
+from labweb.domain.runs.states.intake import Meaning, read_event
+from labweb.domain.runs.states.job import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost

@@ -15,10 +15,10 @@ from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import Finding, PreconditionError, RevisionError
 from labweb.domain.recipes.agreement.contents import check_contents
 from labweb.domain.recipes.agreement.keeping import departs
-from labweb.domain.runs import departing
-from labweb.domain.runs.departing import Departure
+from labweb.domain.runs.after_failure import departing
+from labweb.domain.runs.after_failure.departing import Departure
 from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.steps import called
+from labweb.domain.workflows.unit_operations.steps import called
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run

@@ -17,9 +17,9 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferLiquid, TransferMass, TransferResource
 from labweb.domain.crutd.parts import part_of, rest_of
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.runs import recovery
-from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import UNSTARTED, JobState, Mover, RunState
+from labweb.domain.runs.after_failure import recovery
+from labweb.domain.runs.halts.halting import LET_GO
+from labweb.domain.runs.states.job import UNSTARTED, JobState, Mover, RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run

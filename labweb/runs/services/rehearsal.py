@@ -23,7 +23,7 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LabError
-from labweb.domain.runs.scheduler import ready
+from labweb.domain.runs.dispatch.scheduler import ready
 from labweb.runs import selectors
 from labweb.runs.models import Job, Outbox, Run
 from labweb.runs.services import dispatch

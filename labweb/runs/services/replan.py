@@ -14,8 +14,8 @@ from labweb.common.prepared import together
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.runs.job import FINAL, JobState, Mover
-from labweb.domain.runs.replanning import Stood, document_left, steps_left
+from labweb.domain.runs.after_failure.replanning import Stood, document_left, steps_left
+from labweb.domain.runs.states.job import FINAL, JobState, Mover
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.plan import Plan
 from labweb.domain.workflows.protocol import bind_materials, parse_workflow, render_workflow

@@ -8,7 +8,13 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.resolving import Resolved, resolved_of
-from labweb.domain.runs.doubting import Later, Measured, claimed_nl, contradiction, later_words
+from labweb.domain.runs.after_failure.doubting import (
+    Later,
+    Measured,
+    claimed_nl,
+    contradiction,
+    later_words,
+)
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job

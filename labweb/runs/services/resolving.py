@@ -20,15 +20,15 @@ from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.errors import DefinitionError, LabError, PreconditionError, StateError
-from labweb.domain.runs.doubting import (
+from labweb.domain.runs.after_failure.doubting import (
     AFTERWARDS,
     against_the_record,
     contradiction,
     is_worth_reading,
 )
-from labweb.domain.runs.edge import ANSWERS, ActionState, resolve
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import is_given_up
+from labweb.domain.runs.host_journal.edge import ANSWERS, ActionState, resolve
+from labweb.domain.runs.host_link.session import is_given_up
+from labweb.domain.runs.states.job import JobState, Mover
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors

@@ -27,8 +27,8 @@ from labweb.crutd.selectors.verifying import ledger_violations
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, ReconcileError, StateError
 from labweb.domain.messages import EdgeEvent, event_hash
-from labweb.domain.runs import event_file
-from labweb.domain.runs.event_file import Line, bad_line
+from labweb.domain.runs.states import event_file
+from labweb.domain.runs.states.event_file import Line, bad_line
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import HostEvent

@@ -32,7 +32,7 @@ from labweb.domain.errors import (
     RevisionError,
     StateError,
 )
-from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.runs.states.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.compile import LabView
 from labweb.domain.workflows.plan import Plan

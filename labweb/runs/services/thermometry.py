@@ -21,7 +21,7 @@ from labweb.domain.calibration.thermal import (
 from labweb.domain.enrollment.device import Device as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job import JobState
 from labweb.domain.workflows.calibrating import comparison_ids, thermal_workflow
 from labweb.domain.workflows.passes.roles import HOLD_TOLERANCE_C, acting_node, plays
 from labweb.domain.workflows.passes.view import LabView

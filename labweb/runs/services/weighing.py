@@ -15,14 +15,14 @@ from labweb.domain.calibration.model import Quantity
 from labweb.domain.calibration.order import VolumeOrder, check_order, levels_ul
 from labweb.domain.enrollment.device import Device as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job import JobState
 from labweb.domain.workflows.calibrating import (
     gravimetric_workflow,
     weighing_ids,
     weighing_order,
 )
-from labweb.domain.workflows.passes.correcting import largest_stroke_nl
-from labweb.domain.workflows.passes.pumping import pump_node
+from labweb.domain.workflows.passes.devices.correcting import largest_stroke_nl
+from labweb.domain.workflows.passes.liquids.pumping import pump_node
 from labweb.domain.workflows.passes.roles import acting_node, plays, setting
 from labweb.domain.workflows.passes.view import LabView
 from labweb.enrollment.selectors import Device

@@ -17,7 +17,7 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.approvals.tokens import AccessScope
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.workflows.steps import palette
+from labweb.domain.workflows.unit_operations.steps import palette
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import selectors, services

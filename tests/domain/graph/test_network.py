@@ -7,7 +7,7 @@ from labweb.domain.graph.chain import Wanted, find_chain
 from labweb.domain.graph.elements import Element, Role, Tube
 from labweb.domain.graph.network import Network, explore
 from labweb.domain.graph.topology import Medium
-from labweb.domain.workflows.passes.backbone import find_interval
+from labweb.domain.workflows.passes.liquids.backbone import find_interval
 
 ROLES = {
     "v": Role.VALVE, "p": Role.PUMP, "s": Role.SOLENOID, "m": Role.MANIFOLD, "c": Role.CARTRIDGE,

@@ -15,8 +15,8 @@ from labweb.domain.proof.execute import check_plan
 from labweb.domain.proof.plan import parse_plan
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.recipe_plan import Wish, compile_recipe
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document, refusal
+from labweb.domain.recipes.xdl.file_format.markup import parse_markup
+from labweb.domain.recipes.xdl.file_format.read import check_document, refusal
 from tests.domain.recipes.rigs import chemputer
 from tests.judge.play import play
 from tests.judge.reading import read_json

@@ -19,8 +19,8 @@ from labweb.domain.graph.rig.write import write_rig
 from labweb.domain.recipes.advise import search
 from labweb.domain.recipes.advise.search import Advice, advise
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
+from labweb.domain.recipes.xdl.file_format.markup import parse_markup
+from labweb.domain.recipes.xdl.file_format.read import check_document
 from tests.domain.recipes.plans import bench, compiled, reasons, recipe
 
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'

@@ -13,8 +13,8 @@ from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.recipes.advise.search import Advice, advise
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
+from labweb.domain.recipes.xdl.file_format.markup import parse_markup
+from labweb.domain.recipes.xdl.file_format.read import check_document
 from tests.domain.recipes.plans import claims, compiled
 from tests.domain.recipes.test_meetings import POURS, TO_WASTE, starter
 from tests.domain.recipes.test_meetings import asked as on_starter

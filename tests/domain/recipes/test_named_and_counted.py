@@ -10,9 +10,9 @@ import pytest
 from labweb.domain.errors import LabError
 from labweb.domain.recipes.xdl.expansion.basic import Kind
 from labweb.domain.recipes.xdl.expansion.expand import all_operations, expand
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.file_format.markup import parse_markup
+from labweb.domain.recipes.xdl.file_format.read import check_document
+from labweb.domain.recipes.xdl.unfolding.unfold import unfold
 from tests.domain.recipes.plans import bench, claims, compiled, recipe
 
 ADD = 'Add vessel="filter" reagent="water" volume="20 mL"'

@@ -16,9 +16,9 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.recipe_plan import compile_recipe
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
-from labweb.domain.recipes.xdl.recipe import Recipe
+from labweb.domain.recipes.xdl.file_format.markup import parse_markup
+from labweb.domain.recipes.xdl.file_format.read import check_document
+from labweb.domain.recipes.xdl.file_format.recipe import Recipe
 from tests.domain.recipes.invent import Invented, pairs
 from tests.domain.recipes.plans import unproved
 

@@ -10,13 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.json_form import parse_json, render_json
-from labweb.domain.recipes.xdl.markup import Attribute, Comment, Document, Element, render_markup
-from labweb.domain.recipes.xdl.notation_table import AMOUNTS, NOTATIONS
-from labweb.domain.recipes.xdl.read import check_document, read_xdl
-from labweb.domain.recipes.xdl.recipe import Recipe
-from labweb.domain.recipes.xdl.spec import STEPS, Property
-from labweb.domain.recipes.xdl.write import VERSIONS, render_as, render_xdl
+from labweb.domain.recipes.xdl.file_format.json_form import parse_json, render_json
+from labweb.domain.recipes.xdl.file_format.markup import (
+    Attribute,
+    Comment,
+    Document,
+    Element,
+    render_markup,
+)
+from labweb.domain.recipes.xdl.file_format.read import check_document, read_xdl
+from labweb.domain.recipes.xdl.file_format.recipe import Recipe
+from labweb.domain.recipes.xdl.file_format.write import VERSIONS, render_as, render_xdl
+from labweb.domain.recipes.xdl.tables.notation_table import AMOUNTS, NOTATIONS
+from labweb.domain.recipes.xdl.tables.spec import STEPS, Property
 
 VESSELS = ["reactor", "flask 2", "filter"]
 REAGENTS = ["water", "2 N hydrochloric acid", "CH₂Cl₂ <dry> & cold"]

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.as_workflow.to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.markup import parse_markup
+from labweb.domain.recipes.xdl.file_format.read import check_document
+from labweb.domain.recipes.xdl.lab_choices.declared import Declared
+from labweb.domain.recipes.xdl.unfolding.unfold import unfold
 from tests.domain.recipes.plans import bench, compiled, reasons, recipe
 
 ADD = 'Add vessel="reactor" reagent="water" {said}'

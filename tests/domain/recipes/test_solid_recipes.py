@@ -9,11 +9,11 @@ import pytest
 
 from labweb.domain.errors import LabError, ProtocolError
 from labweb.domain.recipes.opening import Asked, workflow_from
-from labweb.domain.recipes.xdl.chosen import OnRig
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.as_workflow.to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.read import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.chosen import OnRig
+from labweb.domain.recipes.xdl.lab_choices.declared import Declared
+from labweb.domain.recipes.xdl.unfolding.unfold import unfold
 from tests.domain.workflows.solids import filter_file, filter_lab, filter_raw, on, planned
 
 _HEAD = """<XDL><Synthesis><Hardware><Component id="filter" type="filter"/>

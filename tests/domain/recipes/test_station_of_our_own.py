@@ -25,8 +25,8 @@ from labweb.domain.proof.plan import parse_plan
 from labweb.domain.recipes.advise.search import Advice, advise
 from labweb.domain.recipes.opening import Asked, open_recipe
 from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.declared import bindings, read_declared
-from labweb.domain.recipes.xdl.read import read_xdl
+from labweb.domain.recipes.xdl.file_format.read import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.declared import bindings, read_declared
 from labweb.domain.workflows.compile import compile_workflow
 from tests.domain.recipes.plans import claims, compiled, reasons, recipe, unproved
 from tests.domain.workflows.station import DECLARED, recipe_document, station_file, workflow

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.acts import Act, in_order
-from labweb.domain.recipes.xdl.queues import plan_queues
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.unfold import unfold
-from labweb.domain.recipes.xdl.values import Quantity
+from labweb.domain.recipes.xdl.file_format.read import read_xdl
+from labweb.domain.recipes.xdl.file_format.values import Quantity
+from labweb.domain.recipes.xdl.timing.queues import plan_queues
+from labweb.domain.recipes.xdl.unfolding.acts import Act, in_order
+from labweb.domain.recipes.xdl.unfolding.unfold import unfold
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.asking import TEST_TABLE, recipe
 

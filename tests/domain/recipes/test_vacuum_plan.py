@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.on_rig import gases
+from labweb.domain.recipes.on_rig.steps import gases
 from labweb.domain.recipes.recipe_plan import Wish
 from tests.domain.recipes.plans import (
     ATTACHED,

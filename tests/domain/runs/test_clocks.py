@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.messages import EdgeEvent, event_hash
-from labweb.domain.runs.clocks import (
+from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.host_link.clocks import (
     DRIFT_RATIO,
     MOST_ANCHORS,
     Anchor,
@@ -26,7 +27,6 @@ from labweb.domain.runs.clocks import (
     told_moment,
     with_anchor,
 )
-from labweb.domain.runs.moment import Moment
 
 NIGHT_S = 40_000.0
 CLOSE_S = 1e-4

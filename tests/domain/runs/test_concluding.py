@@ -18,7 +18,7 @@ from labweb.domain.crutd.conditions import (
     unreadable_baselines,
 )
 from labweb.domain.crutd.decide import OutcomeKind
-from labweb.domain.runs.edge import ActionState, Report, conclude
+from labweb.domain.runs.host_journal.edge import ActionState, Report, conclude
 
 BALANCE, PUMP = UUID(int=1), UUID(int=2)
 PLUNGER = Condition(name="pump.syringe_volume", device_id=PUMP, status="volume_ul", high=0.0)

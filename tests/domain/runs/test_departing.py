@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labweb.domain.runs import departing
+from labweb.domain.runs.after_failure import departing
 
 SAID = departing.skipped("Move 5 mL of water from S to R")
 

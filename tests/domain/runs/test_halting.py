@@ -9,8 +9,8 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.edge import Candidate, HostState, decide_start
-from labweb.domain.runs.halting import (
+from labweb.domain.runs.after_failure.recovery import Ended, choices_for
+from labweb.domain.runs.halts.halting import (
     Done,
     is_halt_certain,
     may_stand,
@@ -18,9 +18,9 @@ from labweb.domain.runs.halting import (
     still_standing,
     voided,
 )
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.motion import is_moving, tells_motion
-from labweb.domain.runs.recovery import Ended, choices_for
+from labweb.domain.runs.halts.motion import is_moving, tells_motion
+from labweb.domain.runs.host_journal.edge import Candidate, HostState, decide_start
+from labweb.domain.runs.states.job import JobState
 from tests.simulation.memory import BEGINNING, Disk, MemoryWrite
 
 

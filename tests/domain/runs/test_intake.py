@@ -9,8 +9,8 @@ import pytest
 from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import StateError
-from labweb.domain.runs.intake import Meaning, read_event
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.intake import Meaning, read_event
+from labweb.domain.runs.states.job import JobState
 
 _J = JobState
 

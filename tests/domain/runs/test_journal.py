@@ -6,7 +6,13 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.journal import Chain, JournalError, Seal, find_regression, is_raised
+from labweb.domain.runs.host_journal.journal import (
+    Chain,
+    JournalError,
+    Seal,
+    find_regression,
+    is_raised,
+)
 
 JOURNAL, OTHER = UUID(int=1), UUID(int=2)
 

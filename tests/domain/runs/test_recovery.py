@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.recovery import Wait, run_waits_for, waits_for
+from labweb.domain.runs.after_failure.recovery import Wait, run_waits_for, waits_for
+from labweb.domain.runs.halts.halting import LET_GO
+from labweb.domain.runs.states.job import JobState
 
 
 @pytest.mark.parametrize("state", JobState)

@@ -19,8 +19,8 @@ from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.workflows.compile import LabView, check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan
+from labweb.domain.workflows.plan_proof.proving import Proof, prove_plan
 from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
-from labweb.domain.workflows.proving import Proof, prove_plan
 from tests.domain.workflows.station import LAB, view_of
 
 WET = {"separator": {"ether": 30_000.0}}

@@ -17,10 +17,10 @@ import msgspec
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.recipes.xdl.declared import read_declared
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.as_workflow.to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.read import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.declared import read_declared
+from labweb.domain.recipes.xdl.unfolding.unfold import unfold
 from labweb.domain.resources.contents import LotId
 from labweb.domain.workflows.compile import LabView
 from labweb.domain.workflows.first_day import view_of_file

@@ -11,7 +11,7 @@ from labweb.domain.crutd.operations import Dispose, TransferLiquid
 from labweb.domain.graph.injection import injected
 from labweb.domain.graph.parts_of_roles import SORTS
 from labweb.domain.workflows.passes.roles import beyond_limits
-from labweb.domain.workflows.steps import CARRIED_KINDS
+from labweb.domain.workflows.unit_operations.steps import CARRIED_KINDS
 from tests.domain.workflows.asking import actions, codes_of, findings_of, plan_of
 from tests.domain.workflows.bench import Bench, flow, id_of, step
 

@@ -14,7 +14,7 @@ from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.resources.contents import Phase
 from labweb.domain.workflows.compile import compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob, encode
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.workflows.plan_proof.proving import prove_plan
 from tests.domain.workflows.solids import filter_raw, on, steps
 from tests.domain.workflows.station import view_of
 

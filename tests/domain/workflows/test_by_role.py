@@ -10,10 +10,10 @@ import pytest
 
 from labweb.domain.approvals.policy import TemperatureAtLeast, asks
 from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.runs.isolation import find_waiting
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.scheduler import Candidate, JobView, ready, why_passed_by
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.dispatch.isolation import find_waiting
+from labweb.domain.runs.dispatch.scheduler import Candidate, JobView, ready, why_passed_by
+from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.states.job import JobState
 from labweb.domain.workflows.plan import Plan, encode
 from tests.domain.workflows.asking import codes_of, findings_of, plan_of
 from tests.domain.workflows.bench import (

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.workflows.compile import compile_workflow
 from labweb.domain.workflows.plan import Plan, Statement
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.workflows.plan_proof.proving import prove_plan
 from tests.domain.workflows.solids import (
     WET,
     codes,

@@ -6,7 +6,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from labweb.domain.dimensions import DIMENSIONS
-from labweb.domain.workflows.steps import (
+from labweb.domain.workflows.unit_operations.steps import (
     STEP_KINDS,
     PortKind,
     palette,

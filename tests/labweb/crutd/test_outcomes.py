@@ -11,7 +11,7 @@ from labweb.crutd.selectors.past import rebuild_differences
 from labweb.crutd.selectors.verifying import ledger_violations
 from labweb.domain.crutd.conditions import Condition, evaluate
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.domain.runs.edge import Report, conclude
+from labweb.domain.runs.host_journal.edge import Report, conclude
 from labweb.resources.models import Resource
 from labweb.runs.models import Attempt, Job
 from tests.builders import Bench, a_started_run, an_edge, to_transfer

@@ -13,12 +13,15 @@ from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
 from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
 from labweb.domain.messages import Command, Signed, StopLab, Tick, Welcome
-from labweb.domain.runs import acting, edge, halting, relay, standing, taking
-from labweb.domain.runs.acting import Scene, Started
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.journal import ActionRow
-from labweb.domain.runs.meeting import partner_of
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.dispatch import relay
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_actions import acting, standing, taking
+from labweb.domain.runs.host_actions.acting import Scene, Started
+from labweb.domain.runs.host_journal import edge
+from labweb.domain.runs.host_journal.edge import ActionState, Report
+from labweb.domain.runs.host_journal.journal import ActionRow
+from labweb.domain.runs.host_journal.meeting import partner_of
+from labweb.domain.runs.host_journal.moment import Moment
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run

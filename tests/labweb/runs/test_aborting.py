@@ -13,9 +13,9 @@ from labweb.accounts.models import AuditEntry
 from labweb.common.clock import now
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import Effect
-from labweb.domain.runs import halting
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_journal.edge import Report
+from labweb.domain.runs.host_journal.journal import ActionRow
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services

@@ -8,8 +8,8 @@ import pytest
 
 from labweb.crutd.models import ResourceLock
 from labweb.domain.errors import StateError
-from labweb.domain.runs import standing
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_actions import standing
+from labweb.domain.runs.host_journal.edge import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.resources.models import Resource
 from labweb.runs import services

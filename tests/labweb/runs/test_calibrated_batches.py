@@ -8,8 +8,8 @@ from uuid import uuid4
 import pytest
 
 from labweb.common.clock import now
-from labweb.domain.runs import standing
-from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.host_actions import standing
+from labweb.domain.runs.host_journal.edge import ActionState
 from labweb.runs import services
 from labweb.runs.models import Calibration, Job, Run
 from labweb.workflows.models import WorkflowVersion

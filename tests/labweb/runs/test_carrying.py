@@ -13,7 +13,7 @@ import pytest
 from labweb.crutd.models import Ticket
 from labweb.domain.errors import Effect
 from labweb.domain.resources.kinds import KINDS
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_journal.edge import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
 from labweb.resources.models import Connection, Resource

@@ -21,7 +21,7 @@ from psycopg import sql
 from labweb.accounts.models import User
 from labweb.crutd.models import Event, ResourceLock
 from labweb.crutd.selectors.chain import first_broken_event
-from labweb.domain.runs import event_file
+from labweb.domain.runs.states import event_file
 from labweb.resources.models import Lab, Resource
 from labweb.runs.models import HostEvent, Job
 from tests.builders import Bench, a_lab, a_started_run, an_edge, dispatched, to_transfer

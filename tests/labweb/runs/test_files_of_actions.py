@@ -21,7 +21,7 @@ from labweb.domain.files import (
     FilePart,
     NamedFile,
 )
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_journal.edge import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.api.render import render_run

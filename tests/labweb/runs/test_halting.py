@@ -9,9 +9,10 @@ import pytest
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.errors import Effect, StateError
 from labweb.domain.messages import Cancel
-from labweb.domain.runs import acting, halting, taking
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_actions import acting, taking
+from labweb.domain.runs.host_journal.edge import ActionState, Report
+from labweb.domain.runs.host_journal.journal import ActionRow
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services

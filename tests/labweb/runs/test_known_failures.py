@@ -9,10 +9,10 @@ import pytest
 from labweb.common import clock
 from labweb.domain.errors import Effect
 from labweb.domain.messages import Cancel
-from labweb.domain.runs import acting, standing, taking
-from labweb.domain.runs.acting import Scene, Started
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_actions import acting, standing, taking
+from labweb.domain.runs.host_actions.acting import Scene, Started
+from labweb.domain.runs.host_journal.edge import ActionState, Report
+from labweb.domain.runs.host_journal.moment import Moment
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run

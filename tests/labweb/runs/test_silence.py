@@ -11,8 +11,8 @@ from django.test.utils import CaptureQueriesContext
 
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.runs import halting
-from labweb.domain.runs.edge import ActionState, Report
+from labweb.domain.runs.halts import halting
+from labweb.domain.runs.host_journal.edge import ActionState, Report
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services
 from labweb.runs.management.commands.dispatcher import Watch

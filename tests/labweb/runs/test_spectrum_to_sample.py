@@ -25,7 +25,7 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.operations import Create
 from labweb.domain.files import PART_BYTES, WANTED, FileOffer, FilePart, FileParts
 from labweb.domain.messages import Command, Signed
-from labweb.domain.runs import relay
+from labweb.domain.runs.dispatch import relay
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run

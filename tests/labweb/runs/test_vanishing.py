@@ -11,9 +11,9 @@ from labweb.crutd.models import Event, Ticket
 from labweb.domain.enrollment.kept import kept_by
 from labweb.domain.errors import StateError
 from labweb.domain.messages import DeviceConfig
-from labweb.domain.runs import halting, vanishing
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.stands import Stands, read_stands
+from labweb.domain.runs.halts import halting, vanishing
+from labweb.domain.runs.halts.stands import Stands, read_stands
+from labweb.domain.runs.host_journal.edge import Report
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
 from labweb.runs.selectors import lab_summary

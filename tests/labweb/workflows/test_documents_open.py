@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from labweb.domain.workflows.drafts import check_draft
-from labweb.domain.workflows.steps import palette
+from labweb.domain.workflows.unit_operations.steps import palette
 from tests.domain.workflows.documents import JSON, bent, documents, places, templates
 
 FRONTEND = Path(__file__).parents[3] / "frontend"

@@ -16,7 +16,7 @@ from labweb.domain.recipes.advise.cures import cures
 from labweb.domain.recipes.advise.draw import draw_rig
 from labweb.domain.recipes.advise.drawing import Drawing
 from labweb.domain.recipes.recipe_plan import Wish, compile_recipe
-from labweb.domain.recipes.xdl.recipe import Recipe
+from labweb.domain.recipes.xdl.file_format.recipe import Recipe
 
 MOST_TRIALS = 100
 """Most rigs that are drawn and compiled for one advice."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from labweb.domain.units import render_volume
-from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 WAIT = "wait"
 RINSE, PRIME, PUSH = "rinse", "prime", "push"

@@ -18,7 +18,7 @@ from labweb.domain.recipes.agreement.deeds import (
     Standing,
     Way,
 )
-from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 _SILENT = frozenset({"fill", "empty", "reach", "gas", "stop_gas", "lower", "raise"})
 """Claims that a workflow does not have to say: by hand, or part of what it says at once."""

@@ -10,9 +10,9 @@ from labweb.domain.errors import Finding
 from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
 from labweb.domain.recipes.on_rig.labels import LISTED, alike, held
 from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
-from labweb.domain.recipes.xdl.findings import Findings, nearest
-from labweb.domain.recipes.xdl.markup import NOWHERE, Place
-from labweb.domain.recipes.xdl.recipe import Component, Procedure, Reagent
+from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
+from labweb.domain.recipes.xdl.file_format.markup import NOWHERE, Place
+from labweb.domain.recipes.xdl.file_format.recipe import Component, Procedure, Reagent
 
 _VESSEL_FIELDS = ("vessel", "source", "target", "lower_to", "upper_to")
 _REAGENT_FIELDS = {

@@ -9,8 +9,8 @@ from itertools import chain, combinations
 from labweb.domain.errors import Finding
 from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
 from labweb.domain.recipes.on_rig.stated import Stated, check_materials, materials_in, words_at
-from labweb.domain.recipes.xdl.findings import nearest
-from labweb.domain.recipes.xdl.recipe import Reagent
+from labweb.domain.recipes.xdl.file_format.findings import nearest
+from labweb.domain.recipes.xdl.file_format.recipe import Reagent
 from labweb.domain.resources.compatibility_table import CONFLICTS, STREAMS
 from labweb.domain.resources.substances_table import SUBSTANCES
 

@@ -7,7 +7,7 @@ from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.wastes import choose_waste
 from labweb.domain.recipes.on_rig.ways import chain_of
 from labweb.domain.recipes.xdl.expansion.basic import BUFFER, KEPT, WASTE
-from labweb.domain.recipes.xdl.markup import Place
+from labweb.domain.recipes.xdl.file_format.markup import Place
 
 
 def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "") -> str | None:

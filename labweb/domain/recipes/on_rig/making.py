@@ -20,10 +20,10 @@ from labweb.domain.recipes.on_rig.meetings import (
 )
 from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
 from labweb.domain.recipes.xdl.expansion.reading import default_number
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.markup import NOWHERE, Place
-from labweb.domain.workflows.passes.backbone import Command, Group
-from labweb.domain.workflows.passes.strokes import TURN_S
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.markup import NOWHERE, Place
+from labweb.domain.workflows.passes.liquids.backbone import Command, Group
+from labweb.domain.workflows.passes.liquids.strokes import TURN_S
 
 BY_HAND, TIMER = "@by_hand", "@timer"
 BESIDE = "async "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from labweb.domain.recipes.on_rig import conditions, gases, instruments
 from labweb.domain.recipes.on_rig.making import Making
+from labweb.domain.recipes.on_rig.steps import conditions, gases, instruments
 from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
 
 _STOPS = {

@@ -13,7 +13,7 @@ from labweb.domain.recipes.on_rig.matter import Key, Portion
 from labweb.domain.recipes.on_rig.matter import lots as names
 from labweb.domain.recipes.on_rig.meetings import NO_FILM, Pour, most_of
 from labweb.domain.recipes.on_rig.ways import Move, chain_of, parts_of
-from labweb.domain.recipes.xdl.markup import Place
+from labweb.domain.recipes.xdl.file_format.markup import Place
 
 
 def choose_waste(

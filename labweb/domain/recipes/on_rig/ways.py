@@ -9,8 +9,8 @@ from labweb.domain.graph.chain import Chain, Wanted, find_chain
 from labweb.domain.recipes.on_rig.equipment import COLLECT, Sort
 from labweb.domain.recipes.on_rig.making import Making, used_parts
 from labweb.domain.recipes.rig_transfers import TransferRequest, plan_on_rig
-from labweb.domain.recipes.xdl.markup import Place
-from labweb.domain.workflows.passes.backbone import Group
+from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.workflows.passes.liquids.backbone import Group
 
 _ANY_NL = 1_000
 """Which way it is does not hang on how much goes over."""

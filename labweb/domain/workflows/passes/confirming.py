@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from labweb.domain.workflows.liquid_steps import MAY_STAY_UNCONFIRMED as MAY_STAY_UNCONFIRMED
 from labweb.domain.workflows.passes.draft import Drafting
 from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.unit_operations.liquid_steps import (
+    MAY_STAY_UNCONFIRMED as MAY_STAY_UNCONFIRMED,
+)
 
 
 def may_confirm(step: Step, drafting: Drafting) -> bool:

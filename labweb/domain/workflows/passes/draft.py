@@ -26,7 +26,7 @@ from labweb.domain.workflows.passes.roles import (
 from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.plan import Statement
 from labweb.domain.workflows.protocol import Step
-from labweb.domain.workflows.steps import STEP_KINDS
+from labweb.domain.workflows.unit_operations.steps import STEP_KINDS
 
 FIELD_BY_ARGUMENT = {
     "temperature_c": "params.temperature",

@@ -17,9 +17,9 @@ from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.recipes.advise.search import Advice, advise
 from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
 from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.declared import bindings, read_declared
-from labweb.domain.recipes.xdl.markup import MAX_BYTES
-from labweb.domain.recipes.xdl.to_workflow import parse_pairs
+from labweb.domain.recipes.xdl.as_workflow.to_workflow import parse_pairs
+from labweb.domain.recipes.xdl.file_format.markup import MAX_BYTES
+from labweb.domain.recipes.xdl.lab_choices.declared import bindings, read_declared
 from labweb.domain.units import parse_volume_nl
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import MANY, FileCommand

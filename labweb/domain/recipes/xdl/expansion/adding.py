@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from decimal import ROUND_DOWN, Decimal
 
-from labweb.domain.recipes.xdl.amounts import GRAIN
 from labweb.domain.recipes.xdl.expansion.basic import WASTE, BasicOperation, Kind
 from labweb.domain.recipes.xdl.expansion.conditioning import stirring
 from labweb.domain.recipes.xdl.expansion.reading import ActReading
+from labweb.domain.recipes.xdl.unfolding.amounts import GRAIN
 
 Operations = Iterator[BasicOperation]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from enum import StrEnum
 
-from labweb.domain.recipes.xdl.markup import NOWHERE, Place
+from labweb.domain.recipes.xdl.file_format.markup import NOWHERE, Place
 
 WASTE = "@waste"
 """A waste of the rig, to be chosen by what goes into it."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from decimal import Decimal
 
-from labweb.domain.recipes.xdl.acts import Act
-from labweb.domain.recipes.xdl.defaults_table import DEFAULTS
 from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Field, Kind
 from labweb.domain.recipes.xdl.expansion.heeded import Heeded
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.notation_table import NOTATIONS
-from labweb.domain.recipes.xdl.spec import STEPS
-from labweb.domain.recipes.xdl.values import Quantity
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.values import Quantity
+from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
+from labweb.domain.recipes.xdl.tables.notation_table import NOTATIONS
+from labweb.domain.recipes.xdl.tables.spec import STEPS
+from labweb.domain.recipes.xdl.unfolding.acts import Act
 from labweb.domain.units import read_quantity
 
 _HALF = Decimal(2)
