@@ -27,16 +27,16 @@ from benchmarks.corpus_pairs import Pair, find_pairs, find_traces
 from benchmarks.corpus_run import Ran, run_on_lab
 from benchmarks.corpus_volumes import Compared, compare, nodes_of, of_events, read_trace
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.rig.lab import render_graph
-from labweb.domain.graph.rig.read import read_rig, unpacked
-from labweb.domain.recipes.opening import Asked, workflow_from
-from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
-from labweb.domain.recipes.xdl.file_format.recipe import Recipe, Step
-from labweb.domain.workflows.compile import compile_workflow
-from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.plan_proof.proving import Proof, prove_plan
-from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.rig.lab_as_rig import render_graph
+from labweb.domain.graph.rig.rig_read import read_rig, unpacked
+from labweb.domain.recipes.compile_recipe_file import digest, plan_recipe, read_recipe
+from labweb.domain.recipes.recipe_preview import Asked, workflow_from
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe, Step
+from labweb.domain.workflows.compile_workflow import compile_workflow
+from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.plan_proof.prove_workflow import Proof, prove_plan
+from labweb.domain.workflows.workflow_file import parse_workflow, resolve_keys
 
 _UNPROVED = "plan.not_proved"
 

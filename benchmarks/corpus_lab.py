@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.graph.lab_file.bindings import Binding, read_binding
-from labweb.domain.graph.lab_file.model import LabFile, Lot, Material, entry_id
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import Binding, read_binding
+from labweb.domain.graph.lab_file.lab_model import LabFile, Lot, Material, entry_id
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Document, Format
 from labweb.domain.resources.contents import LotId, Phase, total_nl
-from labweb.domain.resources.kinds import Nature
-from labweb.domain.resources.node import Resource
-from labweb.domain.workflows.first_day import view_of_file
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import Nature
+from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.view_of_lab_file import view_of_file
 from tests.domain.workflows.station import specs
 
 ROOT = Path(__file__).parents[1]

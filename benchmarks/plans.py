@@ -16,11 +16,11 @@ from typing import Any
 import rustworkx
 
 from benchmarks.figures import Figure, report
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.workflows.compile import compile_workflow
-from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.plan_proof.proving import prove_plan
-from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.workflows.compile_workflow import compile_workflow
+from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
+from labweb.domain.workflows.workflow_file import Workflow, parse_workflow, resolve_keys
 from tests.domain.workflows import station
 
 TRANSFERS_COUNT = 50

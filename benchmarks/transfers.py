@@ -23,9 +23,9 @@ from typing import Any
 
 from labweb.domain.errors import LabFileError
 from labweb.domain.graph.elements import Role
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.rig_transfers import compile_line
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.transfers_on_rig import compile_line
 
 LIMITS_MS = {"35 nodes": 1.0, "1000 valves": 10.0}
 VOLUMES = ("0.1 mL", "10 mL", "60 mL")

@@ -1,8 +1,8 @@
 """Reads back what an action has set, while it waits for it or holds it.
 
 A driver declares nothing for it beyond its statuses: what an action sets, and by which status one
-sees it, are words of its role (`labweb.domain.enrollment.kept`). Every wait of a driver passes
-`Driver.pause`, and there the device is asked.
+sees it, are words of its role (`labweb.domain.enrollment.setpoint_readback`). Every wait of a
+driver passes `Driver.pause`, and there the device is asked.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from drivers.base import Driver
-from labweb.domain.enrollment.kept import LOOK_S, Kept, Seen, Sort, look
+from labweb.domain.enrollment.setpoint_readback import LOOK_S, Kept, Seen, Sort, look
 from labweb.domain.errors import DeviceError
 
 SHORTEST_S = 0.1

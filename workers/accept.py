@@ -9,10 +9,10 @@ from collections.abc import Callable
 import msgspec
 
 from labweb.domain.messages import Batch, Command, Do, Signed, decode_command
-from labweb.domain.runs.host_actions.taking import Receipt as Receipt
-from labweb.domain.runs.host_actions.taking import record_refusal, take_command
-from labweb.domain.runs.host_journal import edge
-from labweb.domain.runs.host_journal.edge import Answer
+from labweb.domain.runs.host_actions.command_acceptance import Receipt as Receipt
+from labweb.domain.runs.host_actions.command_acceptance import record_refusal, take_command
+from labweb.domain.runs.host_journal import action_states
+from labweb.domain.runs.host_journal.action_states import Answer
 from workers import faults
 from workers.devices import lines_of
 from workers.journal import Journal
@@ -41,7 +41,7 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
             receipt = take_command(tx, signed, command, at=journal.moment(), line_of=lines.get)
             faults.point("accept.before_commit")
         faults.point("accept.after_commit")
-    if receipt.answer.kind in {edge.DROP, edge.REFUSE}:
+    if receipt.answer.kind in {action_states.DROP, action_states.REFUSE}:
         log.warning("command %s: %s", receipt.answer.kind, receipt.answer.message)
     for line in (*receipt.lines, *([] if receipt.line is None else [receipt.line])):
         wake(line)
@@ -53,7 +53,9 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
 
 def _read(journal: Journal, signed: Signed) -> Command | Receipt:
     if not is_signed(signed, journal.command_keys()):
-        answer = Answer(edge.REFUSE, "envelope.bad_signature", "no known key signed this text")
+        answer = Answer(
+            action_states.REFUSE, "envelope.bad_signature", "no known key signed this text"
+        )
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
         with journal.write() as tx:
             record_refusal(tx, f"signature:{journal.host_state().epoch}", None, answer, digest)
@@ -61,7 +63,7 @@ def _read(journal: Journal, signed: Signed) -> Command | Receipt:
     try:
         return decode_command(signed.body)
     except msgspec.MsgspecError as exc:
-        answer = Answer(edge.REFUSE, "envelope.malformed", f"no command: {exc}")
+        answer = Answer(action_states.REFUSE, "envelope.malformed", f"no command: {exc}")
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
         with journal.write() as tx:
             record_refusal(tx, f"malformed:{digest}", None, answer, digest)

@@ -17,7 +17,7 @@ from queue import Empty, SimpleQueue
 from typing import TypeVar, cast
 
 from labweb.domain.messages import Signed
-from labweb.domain.runs.host_journal.journal import ActionRow
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers.keys import is_signed
 
 T = TypeVar("T")

@@ -10,8 +10,8 @@ import msgspec
 
 from labweb.domain.errors import LabError
 from labweb.domain.messages import EdgeEvent, Pulse, Welcome, canonical
-from labweb.domain.runs.host_journal.moment import Moment
-from labweb.domain.runs.host_link.clocks import (
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_link.host_clocks import (
     Anchor,
     Exchange,
     anchor_of,

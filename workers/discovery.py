@@ -18,7 +18,7 @@ import msgspec
 
 from drivers.transports.scan import is_listening, serial_ports
 from drivers.transports.urls import line_key
-from labweb.domain.enrollment.sighting import (
+from labweb.domain.enrollment.device_announcements import (
     LONGEST_BEACON_BYTES,
     Beacon,
     DdsBeacon,

@@ -18,7 +18,7 @@ import msgspec
 from drivers.base import Driver
 from drivers.load import load_bundle, load_driver, read_spec
 from drivers.transports.base import Transport
-from labweb.domain.enrollment.bundle import (
+from labweb.domain.enrollment.driver_bundle import (
     MAX_BUNDLE_BYTES,
     decode_bundle,
     digest_of,

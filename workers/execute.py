@@ -10,16 +10,16 @@ from typing import Any, Literal
 
 from drivers.base import DataFile
 from drivers.base import Report as DriverReport
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.crutd.decide import confirmed_nl
-from labweb.domain.enrollment.guards import watchdog_s
+from labweb.domain.action_files import MEDIA_TYPES, NamedFile, check_files, plain_media_type
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.crutd.settlement import confirmed_nl
+from labweb.domain.enrollment.action_guards import watchdog_s
 from labweb.domain.errors import DeviceError, Effect, LabError
-from labweb.domain.files import MEDIA_TYPES, NamedFile, check_files, plain_media_type
 from labweb.domain.messages import Do
-from labweb.domain.ports import Clock
-from labweb.domain.runs.host_journal.bodies import plain
-from labweb.domain.runs.host_journal.edge import Report
-from labweb.domain.runs.host_journal.journal import ActionRow
+from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.event_bodies import plain
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers import faults
 from workers.unit import Unit
 

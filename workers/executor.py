@@ -11,18 +11,17 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd.conditions import Condition, Result
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.crutd.pre_and_postconditions import Condition, Result
 from labweb.domain.errors import StateError
 from labweb.domain.messages import Do
-from labweb.domain.ports import Clock
-from labweb.domain.runs.host_actions import acting
-from labweb.domain.runs.host_actions.acting import Started
-from labweb.domain.runs.host_journal import edge, meeting
-from labweb.domain.runs.host_journal.bodies import plain, report_from
-from labweb.domain.runs.host_journal.context import context_body
-from labweb.domain.runs.host_journal.edge import ActionState, Answer, Report
-from labweb.domain.runs.host_journal.journal import ActionRow, JournalError
-from labweb.domain.runs.host_journal.meeting import Stand
+from labweb.domain.runs.host_actions import action_execution as acting
+from labweb.domain.runs.host_actions.action_execution import Started
+from labweb.domain.runs.host_journal import action_states, paired_actions
+from labweb.domain.runs.host_journal.action_states import ActionState, Answer, Report
+from labweb.domain.runs.host_journal.event_bodies import plain, report_from
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
+from labweb.domain.runs.host_journal.surroundings import context_body
 from workers import checks, execute, faults, pairs
 from workers.beside import LineThread
 from workers.execute import Acted
@@ -186,7 +185,7 @@ class Executor:
             with self._journal.write() as tx:
                 answer = acting.decide_now(tx, row, do, self._journal.moment(), [])
                 acting.write_rejection(tx, row, answer, ())
-            return answer.kind == edge.REJECT
+            return answer.kind == action_states.REJECT
         post = _conditions(do.post)
         if not self._reader.await_baselines(post, is_over=self._is_closing):
             return False
@@ -205,16 +204,18 @@ class Executor:
         faults.point("execute.before_started")
         found = self._start(row, scene)
         if isinstance(found, Answer):
-            return found.kind == edge.REJECT or self._try_giver(row, found)
+            return found.kind == action_states.REJECT or self._try_giver(row, found)
         self._carry_out(found, unit, before)
         return True
 
     def _start(self, row: ActionRow, scene: acting.Scene) -> Answer | Started:
-        start = acting.start if meeting.partner_of(row.do) is None else acting.start_both
+        start = (
+            acting.start if paired_actions.partner_of(row.do) is None else acting.start_both
+        )
         with self._journal.write() as tx:
             found = start(tx, row, row.do, at=self._journal.moment(), scene=scene)
         wake = partial(self._wake_others, self._journal, row.do)
-        if isinstance(found, Answer) and found.code == meeting.WAITS:
+        if isinstance(found, Answer) and found.code == paired_actions.WAITS:
             over = self._is_closing
             return pairs.meet(self._journal, row, scene, self._clock, wake=wake, is_over=over)
         if isinstance(found, Answer):
@@ -286,7 +287,7 @@ class Executor:
             self._finish(row, execute.without_files(do, acted.report, error), [])
             return False
         context = self._context(unit)
-        if not do.post and meeting.partner_of(do) is None:
+        if not do.post and paired_actions.partner_of(do) is None:
             # Nothing is read between answer and end: one write holds both.
             self._finish(row, acted.report, [], context, self._following(row, unit, context))
             return False
@@ -313,9 +314,9 @@ class Executor:
         """
         over, cut = self._is_closing, partial(checks.is_given_up, self._journal, row)
         stands = pairs.await_partner(self._journal, row, self._clock, is_over=over)
-        if stands is Stand.FAILED:
-            self._finish(row, meeting.failed(report), [])
-        if stands is not Stand.GO_ON:
+        if stands is paired_actions.Stand.FAILED:
+            self._finish(row, paired_actions.failed(report), [])
+        if stands is not paired_actions.Stand.GO_ON:
             return
         post = self._reader.await_all(_conditions(do.post), before, is_over=over, is_cut=cut)
         if post is None:
@@ -349,7 +350,7 @@ class Executor:
             do = following.do
             if following.device_id != row.device_id or do.pre or do.post:
                 return None
-            if meeting.partner_of(do) is not None:
+            if paired_actions.partner_of(do) is not None:
                 return None
             if checks.is_for_next(self._journal, do, unit):
                 return None

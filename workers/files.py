@@ -21,7 +21,7 @@ from uuid import UUID
 import msgspec
 
 from drivers.base import DataFile
-from labweb.domain.crutd.conditions import Condition, Result, Verdict
+from labweb.domain.crutd.pre_and_postconditions import Condition, Result, Verdict
 from labweb.domain.errors import LabError, StateError
 from workers.store import Store
 from workers.unit import Unit

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 from uuid import UUID
 
+from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import LabError
-from labweb.domain.ports import Clock
-from labweb.domain.runs.halts.halting import MAY_MOVE, note_waiting, write_late_halt
-from labweb.domain.runs.halts.motion import is_moving, tells_motion
-from labweb.domain.runs.host_actions.acting import Found
-from labweb.domain.runs.host_journal.bodies import plain
-from labweb.domain.runs.host_journal.journal import JournalError
+from labweb.domain.runs.halts.device_motion import is_moving, tells_motion
+from labweb.domain.runs.halts.halted_setpoints import MAY_MOVE, note_waiting, write_late_halt
+from labweb.domain.runs.host_actions.action_execution import Found
+from labweb.domain.runs.host_journal.event_bodies import plain
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.journal import Journal
 from workers.unit import Unit
 

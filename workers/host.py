@@ -18,7 +18,7 @@ from signal import SIGCHLD, SIGINT, SIGKILL, SIGTERM, signal
 from redis.exceptions import RedisError
 
 from labweb.domain.errors import DefinitionError, LabError, StateError
-from labweb.domain.runs.host_journal.edge import ActionState
+from labweb.domain.runs.host_journal.action_states import ActionState
 from workers import logs
 from workers.app import make_host_app, wake
 from workers.bell import PlainBell, ring

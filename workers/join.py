@@ -28,7 +28,7 @@ import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from labweb.domain.enrollment.join import (
+from labweb.domain.enrollment.host_join import (
     LONGEST_NAME,
     SERVER_NAME,
     Admitted,

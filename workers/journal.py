@@ -27,16 +27,16 @@ from labweb.domain.messages import (
     DeviceConfig,
     EdgeEvent,
 )
-from labweb.domain.runs.host_actions.standing import state_of
-from labweb.domain.runs.host_journal.edge import ActionState, HostState
-from labweb.domain.runs.host_journal.journal import (
+from labweb.domain.runs.host_actions.host_state import state_of
+from labweb.domain.runs.host_journal.action_states import ActionState, HostState
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.journal_rows import (
     ActionRow,
     Chain,
     JournalError,
     Seal,
     find_regression,
 )
-from labweb.domain.runs.host_journal.moment import Moment
 from workers import faults
 from workers import journal_schema as schema
 from workers.bell import ring

@@ -9,10 +9,10 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.host_actions.standing import STATE_KEYS
-from labweb.domain.runs.host_journal.edge import FINAL, ActionState
-from labweb.domain.runs.host_journal.journal import ActionRow as ActionRow
-from labweb.domain.runs.host_journal.journal import JournalError as JournalError
+from labweb.domain.runs.host_actions.host_state import STATE_KEYS
+from labweb.domain.runs.host_journal.action_states import FINAL, ActionState
+from labweb.domain.runs.host_journal.journal_rows import ActionRow as ActionRow
+from labweb.domain.runs.host_journal.journal_rows import JournalError as JournalError
 
 # An action's row has a conclusion that nobody writes any more: its end is an event.
 VERSION_1 = """

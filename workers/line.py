@@ -13,11 +13,11 @@ from uuid import UUID
 
 from drivers.transports.base import Transport
 from drivers.transports.urls import make_transport
+from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import LabError
 from labweb.domain.messages import DeviceConfig
-from labweb.domain.ports import Clock
-from labweb.domain.runs.halts import halting
-from labweb.domain.runs.host_journal.journal import JournalError
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.clock import SystemClock
 from workers.config import HostConfig, line_queue
 from workers.devices import lines_of
@@ -249,7 +249,7 @@ class StopWatch:
             if owing:
                 with journal.write() as tx:
                     for device_id in owing:
-                        halting.owe_halt(tx, device_id, halting.STOPPED, None)
+                        halted_setpoints.owe_halt(tx, device_id, halted_setpoints.STOPPED, None)
         except JournalError:
             log.exception("which devices are still to be halted is not on disk: none may act")
             return

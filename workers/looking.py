@@ -19,8 +19,8 @@ import msgspec
 from websockets.asyncio.client import ClientConnection
 
 from drivers.transports.urls import line_key
-from labweb.domain.enrollment.bundle import MAX_BUNDLE_BYTES, decode_bundle
-from labweb.domain.enrollment.tryout import READ_WITHIN_S
+from labweb.domain.enrollment.driver_bundle import MAX_BUNDLE_BYTES, decode_bundle
+from labweb.domain.enrollment.driver_tryout import READ_WITHIN_S
 from labweb.domain.errors import ConformanceError, LabError, StateError
 from labweb.domain.messages import LookOrder, LookPart, LookTold, Signed
 from workers.confine import describe, is_possible

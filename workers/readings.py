@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.crutd.conditions import (
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.crutd.pre_and_postconditions import (
     Condition,
     Result,
     Verdict,
@@ -17,7 +18,6 @@ from labweb.domain.crutd.conditions import (
     unreadable_baselines,
 )
 from labweb.domain.errors import LabError
-from labweb.domain.ports import Clock
 from workers.store import Sample, Store
 from workers.unit import Unit
 

@@ -21,7 +21,7 @@ import secrets
 import time
 from collections.abc import Callable, Collection
 
-from labweb.domain.enrollment.sighting import Beacon, mark_of
+from labweb.domain.enrollment.device_announcements import Beacon, mark_of
 from labweb.domain.messages import Sighting
 
 SHARES_COUNT = 256

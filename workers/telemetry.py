@@ -9,11 +9,11 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import DeviceError, LabError
-from labweb.domain.ports import Clock
-from labweb.domain.runs.host_journal.bodies import plain
-from labweb.domain.runs.host_journal.moment import Moment
-from labweb.domain.runs.host_link.clocks import Anchor, Estimate, estimate
+from labweb.domain.runs.host_journal.event_bodies import plain
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_link.host_clocks import Anchor, Estimate, estimate
 from workers.files import share_picture
 from workers.journal import boot_id, since_boot_s
 from workers.store import Sample, Store

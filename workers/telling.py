@@ -22,7 +22,7 @@ from labweb.domain.messages import (
     TryoutTold,
     WithdrawAsk,
 )
-from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
+from labweb.domain.messages.certificates_and_sightings import MOST_SIGHTINGS_PER_FRAME
 from workers.store import ASKS, TRYOUT_TOLD, TRYOUT_WORDS, Store
 
 ASKS_S = 0.1

@@ -9,12 +9,12 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.canonical import without_null
+from labweb.domain.canonical_json import without_null
 from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
-from labweb.domain.runs.host_actions.standing import state_of
-from labweb.domain.runs.host_journal.edge import ActionState, HostState
-from labweb.domain.runs.host_journal.journal import ActionRow, HeldResource, JournalError
-from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.host_actions.host_state import state_of
+from labweb.domain.runs.host_journal.action_states import ActionState, HostState
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, HeldResource, JournalError
 from workers.journal_schema import SELECT_ACTION, SELECT_STATE, SELECT_UNFINISHED, to_action
 
 PROGRESS = frozenset({"accepted", "started", "actuated"})

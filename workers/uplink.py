@@ -19,8 +19,8 @@ import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
+from labweb.domain.action_files import FileAsked, FileTaken
 from labweb.domain.errors import LabError
-from labweb.domain.files import FileAsked, FileTaken
 from labweb.domain.messages import (
     MAX_FRAME_BYTES,
     Ack,

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
-from labweb.domain.enrollment.kept import SURE_S, Kept, Seen, completed, kept_by, look
-from labweb.domain.ports import Clock
-from labweb.domain.runs.halts.halting import sort_of
-from labweb.domain.runs.halts.stands import KEY, Stands, read_stands
-from labweb.domain.runs.halts.vanishing import write_vanished
-from labweb.domain.runs.host_journal.journal import JournalError
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.enrollment.setpoint_readback import SURE_S, Kept, Seen, completed, kept_by, look
+from labweb.domain.runs.halts.halted_setpoints import sort_of
+from labweb.domain.runs.halts.standing_setpoints import KEY, Stands, read_stands
+from labweb.domain.runs.halts.vanished_setpoints import write_vanished
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.journal import Journal
 from workers.store import Sample
 from workers.unit import Unit

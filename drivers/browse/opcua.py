@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from drivers.browse.browsed import Binding, Browsed, sealed, snake
 from drivers.transports.opcua.nodes import Argument, Node, NodeName, Variable
 from drivers.transports.opcua.transport import OpcUaTransport
-from labweb.domain.enrollment.spec import (
+from labweb.domain.enrollment.driver_spec import (
     UNITS,
     ActionSpec,
     DriverSpec,

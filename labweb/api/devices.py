@@ -34,13 +34,13 @@ from labweb.common.answers import NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import Nothing, body
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.disk import Level
-from labweb.domain.enrollment.admission import shows_itself
-from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
-from labweb.domain.runs.halts.halt_state import HaltState
-from labweb.domain.runs.host_link.session import SessionState
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.disk_space import Level
+from labweb.domain.enrollment.admitted_interface import shows_itself
+from labweb.domain.enrollment.driver_spec import UNITS, DriverSpec, StatusSpec
+from labweb.domain.runs.halts.halt_progress import HaltState
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors

@@ -22,7 +22,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import disk
 from labweb.domain import errors
-from labweb.domain.disk import ADVICE, Level
+from labweb.domain.disk_space import ADVICE, Level
 
 logger = logging.getLogger(__name__)
 

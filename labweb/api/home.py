@@ -21,9 +21,9 @@ from labweb.common import disk
 from labweb.common.reading import one_moment
 from labweb.common.requests import Parameter
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.disk import Level
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.disk_space import Level
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.units import render_volume
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost

@@ -11,7 +11,7 @@ from pathlib import Path
 from django.conf import settings
 from redis.exceptions import ResponseError
 
-from labweb.domain.disk import Disk, Floors, Level
+from labweb.domain.disk_space import Disk, Floors, Level
 
 SERVER = "the server"
 

@@ -7,10 +7,10 @@ from django.db.models import F, Q
 
 from labweb.common.models import Base, enum_choices
 from labweb.domain.crutd.ledger import Account
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
-from labweb.domain.runs.exclusive_use.holding import Mode
-from labweb.domain.runs.exclusive_use.locks import LockMode
+from labweb.domain.crutd.transaction_states import TransactionState
+from labweb.domain.runs.exclusive_use.action_locks import LockMode
+from labweb.domain.runs.exclusive_use.run_holds import Mode
 
 _ACCOUNT = rf"^({'|'.join(Account)}|[0-9a-f]{{8}}(-[0-9a-f]{{4}}){{3}}-[0-9a-f]{{12}})$"
 """A nominal account, or the id of a vessel."""

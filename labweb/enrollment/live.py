@@ -13,7 +13,7 @@ import msgspec
 from labweb.common import authority
 from labweb.common.buckets import Rate
 from labweb.common.sockets import BoundedConsumer
-from labweb.domain.enrollment.join import Ask, JoinFrame, Offer, Waiting
+from labweb.domain.enrollment.host_join import Ask, JoinFrame, Offer, Waiting
 from labweb.domain.errors import LabError
 from labweb.domain.messages import Refuse
 from labweb.enrollment import selectors, services

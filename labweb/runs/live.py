@@ -17,8 +17,8 @@ from labweb.common.buckets import Rate
 from labweb.common.clock import now
 from labweb.common.lanes import on_lane
 from labweb.common.sockets import BoundedConsumer
+from labweb.domain.action_files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.errors import LabError
-from labweb.domain.files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.messages import (
     CLOSE_BAD_FRAME,
     MAX_FRAME_BYTES,
@@ -51,7 +51,7 @@ from labweb.domain.messages import (
     WithdrawAsk,
     unknown_frame,
 )
-from labweb.domain.runs.host_link.session import is_caught_up
+from labweb.domain.runs.host_link.host_session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services

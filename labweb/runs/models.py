@@ -5,10 +5,10 @@ from __future__ import annotations
 from django.db import models
 
 from labweb.common.models import Base, enum_choices
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.runs.exclusive_use.custody import CustodyState
-from labweb.domain.runs.halts.halt_state import HaltState
-from labweb.domain.runs.states.job import JobState, RunState
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
+from labweb.domain.runs.halts.halt_progress import HaltState
+from labweb.domain.runs.states.job_states import JobState, RunState
 
 
 class Run(Base):

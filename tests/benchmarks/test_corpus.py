@@ -14,7 +14,7 @@ from benchmarks.corpus import compiled, judge, on_lab, totals
 from benchmarks.corpus_pairs import Pair, find_pairs
 from benchmarks.corpus_volumes import compare, of_events
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import Asked, open_recipe, workflow_from
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.plans import recipe
 from tests.domain.recipes.rigs import chemputer

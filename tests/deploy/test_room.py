@@ -6,7 +6,7 @@ import pytest
 
 from deploy.embedded import room
 from deploy.embedded.room import Room
-from labweb.domain.disk import Disk, Floors, Level
+from labweb.domain.disk_space import Disk, Floors, Level
 
 MIB = 2**20
 HERE = Path("/data")

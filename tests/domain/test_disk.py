@@ -2,7 +2,7 @@
 
 import pytest
 
-from labweb.domain.disk import Disk, Floors, Level, check_room
+from labweb.domain.disk_space import Disk, Floors, Level, check_room
 
 GB = 10**9
 FLOORS = Floors(warn_bytes=1.0 * GB, warn_ratio=0.05, floor_bytes=0.2 * GB)

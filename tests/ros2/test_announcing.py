@@ -22,7 +22,7 @@ from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.rtps import NO_SEQUENCE, Identity
 from drivers.transports.ros2.types import Types, type_name
-from labweb.domain.enrollment.sighting import (
+from labweb.domain.enrollment.device_announcements import (
     LONGEST_BEACON_BYTES,
     DdsBeacon,
     beacon_bytes,

@@ -10,9 +10,9 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.messages import EdgeEvent, Events, Heartbeat, Pulse, Welcome
-from labweb.domain.runs.host_journal.moment import Moment
-from labweb.domain.runs.host_link import clocks
-from labweb.domain.runs.host_link.clocks import Anchor, Cause, Exchange, Happened
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_link import host_clocks
+from labweb.domain.runs.host_link.host_clocks import Anchor, Cause, Exchange, Happened
 from tests.simulation import batches
 from tests.simulation.checks import require
 from tests.simulation.host import SimHost
@@ -99,7 +99,7 @@ class ClockedHost(SimHost):
         asked = self.asked.pop(asked_s, None)
         if asked is None or asked.boot_id != self.boot_id:
             return
-        found = clocks.anchor_of(
+        found = host_clocks.anchor_of(
             Exchange(
                 asked=asked,
                 heard_at_s=heard_at_s,
@@ -108,12 +108,12 @@ class ClockedHost(SimHost):
             )
         )
         if found is not None:
-            kept = clocks.with_anchor(self.anchors, found)
+            kept = host_clocks.with_anchor(self.anchors, found)
             with self.write() as tx:
                 tx.set_meta(ANCHORS, msgspec.json.encode(kept).decode())
 
     def events_after(self, seq: int) -> list[EdgeEvent]:
-        return [clocks.dated(event, self.anchors) for event in super().events_after(seq)]
+        return [host_clocks.dated(event, self.anchors) for event in super().events_after(seq)]
 
 
 def _beat(epoch: int, asked_s: float) -> Heartbeat:
@@ -137,7 +137,7 @@ class ClockedServer(SimServer):
         super().hear(link, frame)
 
     def _take_events(self, host: Host, link: Link, frame: Events) -> None:
-        found = clocks.latest(frame.events, self.watch.now_s)
+        found = host_clocks.latest(frame.events, self.watch.now_s)
         self.by_s = {event.hash: by_s for event, by_s in zip(frame.events, found, strict=True)}
         super()._take_events(host, link, frame)
 
@@ -171,7 +171,7 @@ class ClockedWorld(World):
         sent_s = None if event.action_id is None else self.sent_s.get(event.action_id)
         causes = [Cause(BEGUN_S) if last is None else Cause(last.at_s, last.uncertainty_s)]
         causes += [] if sent_s is None else [Cause(sent_s)]
-        found = clocks.happened(clocks.told_moment(event), causes, by_s)
+        found = host_clocks.happened(host_clocks.told_moment(event), causes, by_s)
         name = f"event {event.seq} of {host.name}, {event.kind}"
         for cause in causes:
             text = f"{name} at {found.at_s} is before its cause at {cause.at_s}"

@@ -12,12 +12,12 @@ import msgspec
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Effect
 from labweb.domain.messages import DeviceConfig, EdgeEvent, Reset, StopLab
-from labweb.domain.runs.halts import halting
-from labweb.domain.runs.host_actions import acting, standing
-from labweb.domain.runs.host_actions.acting import Found, Started
-from labweb.domain.runs.host_journal.edge import Report
-from labweb.domain.runs.host_journal.journal import ActionRow
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_actions import action_execution, host_state
+from labweb.domain.runs.host_actions.action_execution import Found, Started
+from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation.checks import require
 from tests.simulation.directed import signed
 from tests.simulation.host import SimHost
@@ -50,7 +50,10 @@ class HaltingServer(SimServer):
         self._take_from_jobs(device_id, event.body["code"])
         syringe_id = PUMP_OF[device_id].syringe
         vessel = self.vessels[syringe_id]
-        gone, told = halting.voided(vessel.view.data), event.body["data"].get(str(syringe_id))
+        gone, told = (
+            halted_setpoints.voided(vessel.view.data),
+            event.body["data"].get(str(syringe_id)),
+        )
         if told is not None and told != gone:
             self.tickets.append("reconcile.drift")
         vessel.view = msgspec.structs.replace(vessel.view, data={**vessel.view.data, **gone})
@@ -61,9 +64,10 @@ class HaltingServer(SimServer):
     def _take_from_jobs(self, device_id: UUID, code: str) -> None:
         done = self.complete_on(device_id)
         told = [
-            halting.Done(index=place, action=job.action, args={}) for place, job in enumerate(done)
+            halted_setpoints.Done(index=place, action=job.action, args={})
+            for place, job in enumerate(done)
         ]
-        for place in halting.still_standing(told):
+        for place in halted_setpoints.still_standing(told):
             done[place].halted_by = done[place].halted_by or code
 
     def complete_on(self, device_id: UUID) -> list[Job]:
@@ -80,9 +84,9 @@ class HaltingServer(SimServer):
         attempt = self.attempts.get(event.action_id) if event.action_id else None
         if attempt is None or attempt.job.state is not JobState.COMPLETE:
             return
-        is_undone = event.body.get(halting.IS_HALTED) is True
-        if is_undone and halting.leaves_standing(attempt.job.action, {}):
-            attempt.job.halted_by = halting.WITH_ACTION
+        is_undone = event.body.get(halted_setpoints.IS_HALTED) is True
+        if is_undone and halted_setpoints.leaves_standing(attempt.job.action, {}):
+            attempt.job.halted_by = halted_setpoints.WITH_ACTION
 
 
 class HaltingHost(SimHost):
@@ -150,7 +154,7 @@ class HaltingHost(SimHost):
         found = self.pumping.halt(self, row.device_id)
         yield "halted"
         with self.write() as tx:
-            is_new = acting.recover(tx, row, found)
+            is_new = action_execution.recover(tx, row, found)
         if is_new and found.is_owed:
             self._check_heard(row)
         yield "recovered"
@@ -164,7 +168,7 @@ class HaltingHost(SimHost):
         found = self.stopped.pop(started.row.device_id, None)
         if found is not None:
             with self.write(is_sealed=False) as tx:
-                halting.halt_with_action(tx, started.row, is_owed=found.is_owed)
+                halted_setpoints.halt_with_action(tx, started.row, is_owed=found.is_owed)
             if found.is_owed:
                 self._check_heard(started.row)
             yield "halt written"
@@ -172,7 +176,7 @@ class HaltingHost(SimHost):
     def stop(self, stop_id: UUID) -> None:
         """Take a stop of the lab, as the uplink does."""
         with self.write() as tx:
-            standing.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
+            host_state.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
 
     def watch(self) -> None:
         """Look after the latch and the halts that are owed, beside the line."""
@@ -182,7 +186,7 @@ class HaltingHost(SimHost):
                 found = self.pumping.halt(self, device_id)
                 if not found.is_owed:
                     with self.write() as tx:
-                        halting.write_late_halt(tx, device_id, found.text, {})
+                        halted_setpoints.write_late_halt(tx, device_id, found.text, {})
         if host.stop_latched and not self.is_halted:
             self.is_halted = True
             for device_id in sorted(self.device_ids):

@@ -12,10 +12,10 @@ from typing import Literal
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
-from labweb.domain.runs.exclusive_use import claims
-from labweb.domain.runs.exclusive_use.claims import Claims, Stand, Use, Way
-from labweb.domain.runs.exclusive_use.holding import Ask, Mode, Party, Scene
-from labweb.domain.runs.states.job import FINAL, JobState, Mover
+from labweb.domain.runs.exclusive_use import run_claims
+from labweb.domain.runs.exclusive_use.run_claims import Claims, Stand, Use, Way
+from labweb.domain.runs.exclusive_use.run_holds import Ask, Mode, Party, Scene
+from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
 from tests.simulation import schedule
 from tests.simulation.checks import SENT, require
 from tests.simulation.halting import SETPOINT, HaltingServer, HaltingWorld
@@ -79,7 +79,7 @@ class HoldingServer(HaltingServer):
         self.held, self.waiting, self.asked_at = {}, {}, {}
         runs = {one.run for one in self.jobs}
         self.declared = {
-            run: claims.claims_of(
+            run: run_claims.claims_of(
                 [_use_of(one) for one in self.jobs if one.run == run], KINDS, ["0", "1", "2"]
             )
             for run in runs
@@ -90,7 +90,7 @@ class HoldingServer(HaltingServer):
     def stands(self, run: int) -> list[Stand]:
         """Return where the jobs of a run stand."""
         return [
-            claims.stand_of(one.index, one.state, "", one.halted_by)
+            run_claims.stand_of(one.index, one.state, "", one.halted_by)
             for one in self.jobs
             if one.run == run
         ]
@@ -102,7 +102,7 @@ class HoldingServer(HaltingServer):
         held, stands, declared = self.held[run], self.stands(run), self.declared[run]
         used = frozenset().union(*(one.targets for one in members))
         sent = [one.index for one in members]
-        asked = claims.asked_by(declared, stands, sent, used, held)
+        asked = run_claims.asked_by(declared, stands, sent, used, held)
         if not asked:
             return True
         scene = Scene(
@@ -110,26 +110,26 @@ class HoldingServer(HaltingServer):
             waiting=[ask for other, ask in sorted(self.waiting.items()) if self._waits(other)],
         )
         turn = self.waiting[run].turn if run in self.waiting else (self.watch.now_s, run)
-        whole = Ask(run_id=id_of(0, run), turn=turn, wanted=claims.modes_in(asked))
-        refused, kept = claims.decide(self._party(run), whole, asked, scene)
+        whole = Ask(run_id=id_of(0, run), turn=turn, wanted=run_claims.modes_in(asked))
+        refused, kept = run_claims.decide(self._party(run), whole, asked, scene)
         if refused is not None:
             self.waiting[run] = kept
             return False
         return self._take(run, asked, turn, members)
 
     def _take(
-        self, run: int, asked: list[claims.Claim], turn: tuple[float, int], members: list[Job]
+        self, run: int, asked: list[run_claims.Claim], turn: tuple[float, int], members: list[Job]
     ) -> bool:
         """Take what was granted; where a lock is in the way, keep the place in the line."""
         targets = frozenset().union(*(one.targets for one in members))
         in_use = {lock.resource_id for one in self.attempts.values() for lock in one.locks}
         if not targets.isdisjoint(in_use):
-            wanted = claims.modes_in(one for one in asked if one.is_kept)
+            wanted = run_claims.modes_in(one for one in asked if one.is_kept)
             self.waiting[run] = Ask(run_id=id_of(0, run), turn=turn, wanted=wanted)
             return False
         self.waiting.pop(run, None)
         held = self.held[run]
-        for node, mode in claims.modes_in(asked).items():
+        for node, mode in run_claims.modes_in(asked).items():
             held[node] = mode if held.get(node) in {None, mode} else Mode.ALONE
         return True
 
@@ -138,7 +138,7 @@ class HoldingServer(HaltingServer):
 
     def _party(self, run: int) -> Party:
         held, stands = self.held[run], self.stands(run)
-        needs, choices = claims.needs_of(self.declared[run], stands, held)
+        needs, choices = run_claims.needs_of(self.declared[run], stands, held)
         if all(one.state in FINAL for one in self.jobs if one.run == run):
             needs = {}
         has_begun = bool(held) or any(one.has_acted for one in stands)
@@ -155,7 +155,7 @@ class HoldingServer(HaltingServer):
         has_ended = all(one.state in FINAL for one in self.jobs if one.run == run)
         stands = self.stands(run)
         held = self.held[run]
-        gone = claims.released(self.declared[run], stands, held, has_ended=has_ended)
+        gone = run_claims.released(self.declared[run], stands, held, has_ended=has_ended)
         for node in gone:
             del held[node]
 

@@ -20,12 +20,18 @@ from labweb.domain.messages import (
     Signed,
     Welcome,
 )
-from labweb.domain.runs.host_actions import acting, batch, standing, taking
-from labweb.domain.runs.host_actions.acting import Scene, Started
-from labweb.domain.runs.host_journal import edge
-from labweb.domain.runs.host_journal.bodies import report_from
-from labweb.domain.runs.host_journal.edge import ActionState, Report
-from labweb.domain.runs.host_journal.journal import (
+from labweb.domain.runs.host_actions import (
+    action_execution,
+    command_acceptance,
+    host_batch,
+    host_state,
+)
+from labweb.domain.runs.host_actions.action_execution import Scene, Started
+from labweb.domain.runs.host_journal import action_states
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.event_bodies import report_from
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.journal_rows import (
     ActionRow,
     Chain,
     JournalError,
@@ -33,7 +39,6 @@ from labweb.domain.runs.host_journal.journal import (
     find_regression,
     is_raised,
 )
-from labweb.domain.runs.host_journal.moment import Moment
 from tests.simulation.lab import DEVICE_COUNT, JOURNAL, PUMPS, host_id, id_of
 from tests.simulation.link import Link
 from tests.simulation.memory import Disk, MemoryWrite
@@ -42,7 +47,7 @@ from tests.simulation.outside import Lab
 
 def _action_ids(command: Command) -> list[UUID]:
     if isinstance(command, Batch):
-        return [do.action_id for _, do in batch.read_members(command)]
+        return [do.action_id for _, do in host_batch.read_members(command)]
     action_id = getattr(command, "action_id", None)
     return [] if action_id is None else [action_id]
 
@@ -161,11 +166,11 @@ class SimHost:
             self.boot_at_s = self.lab.now_s
         self.is_up = True
         with self.write() as tx:
-            standing.write_boot(tx, self.boot_id)
+            host_state.write_boot(tx, self.boot_id)
         self.lose_link()
         if self.regression() is not None:
             with self.write() as tx:
-                standing.write_disarmed(tx)
+                host_state.write_disarmed(tx)
         self.line = self._work()
 
     def kill(self) -> None:
@@ -187,7 +192,7 @@ class SimHost:
     def lose_link(self) -> None:
         """Write down that the server is away, as the uplink does before it connects."""
         with self.write() as tx:
-            standing.write_link_lost(tx, self.moment())
+            host_state.write_link_lost(tx, self.moment())
         self.seal_up()
         if self.lost_at_s is None:
             self.lost_at_s = self.lab.now_s
@@ -198,11 +203,11 @@ class SimHost:
     def take(self, signed: Signed, command: Command) -> str:
         """Take a command in, as the accept worker and the uplink do."""
         with self.write() as tx:
-            receipt = taking.take_command(
+            receipt = command_acceptance.take_command(
                 tx, signed, command, at=self.moment(), line_of=self._line_of
             )
             rows = [tx.action(action_id) for action_id in _action_ids(command)]
-        if receipt.answer.kind == edge.ACCEPT:
+        if receipt.answer.kind == action_states.ACCEPT:
             for row in rows:
                 if row is not None:
                     self.lab.accepted(self, row)
@@ -224,7 +229,7 @@ class SimHost:
 
     def _recover(self, row: ActionRow) -> Generator[str, None, None]:
         with self.write() as tx:
-            acting.recover(tx, row)
+            action_execution.recover(tx, row)
         yield "recovered"
 
     def _step(self) -> Generator[str, None, bool]:
@@ -233,7 +238,7 @@ class SimHost:
             report = report_from(msgspec.json.decode(row.report or "{}"))
             self._end(row, report)
             return True
-        for row in acting.in_turn(self.disk.rows(ActionState.ACCEPTED)):
+        for row in action_execution.in_turn(self.disk.rows(ActionState.ACCEPTED)):
             if (yield from self._try(row)):
                 return True
         return False
@@ -244,9 +249,9 @@ class SimHost:
             return False
         yield "before started"
         with self.write() as tx:
-            found = acting.start(tx, row, do, at=self.moment(), scene=SCENE)
+            found = action_execution.start(tx, row, do, at=self.moment(), scene=SCENE)
         if not isinstance(found, Started):
-            return found.kind == edge.REJECT
+            return found.kind == action_states.REJECT
         started: Started | None = found
         while started is not None:
             self.lab.started(self, started.row)
@@ -260,10 +265,10 @@ class SimHost:
         return state.stop_latched or not is_armed or bool(self.disk.blocked_by(row.device_id))
 
     def is_waiting(self, do: Do) -> bool:
-        away_s = standing.offline_s(self.disk.host_state(self.boot_id), self.moment())
-        turn = batch.turn_of(self.disk, do.batch, away_s)
-        answer = None if turn is None else batch.decide_turn(turn)
-        return answer is not None and answer.kind == edge.HOLD
+        away_s = host_state.offline_s(self.disk.host_state(self.boot_id), self.moment())
+        turn = host_batch.turn_of(self.disk, do.batch, away_s)
+        answer = None if turn is None else host_batch.decide_turn(turn)
+        return answer is not None and answer.kind == action_states.HOLD
 
     def _act(self, started: Started) -> Generator[str, None, Started | None]:
         """Act, and return the next action where it began in the write that ended this one."""
@@ -276,7 +281,7 @@ class SimHost:
         yield "before actuated"
         if report.ok:
             with self.write(is_sealed=False) as tx:
-                acting.write_actuated(tx, started.row, report)
+                action_execution.write_actuated(tx, started.row, report)
             yield "after actuated"
         following = self._following(started.row) if report.ok else None
         begun = self._end(started.row, report, following)
@@ -299,10 +304,12 @@ class SimHost:
         self, row: ActionRow, report: Report, following: ActionRow | None = None
     ) -> Started | None:
         with self.write(is_sealed=False) as tx:
-            acting.write_end(tx, row, report, [])
+            action_execution.write_end(tx, row, report, [])
             if following is None:
                 return None
-            found = acting.start(tx, following, following.do, at=self.moment(), scene=SCENE)
+            found = action_execution.start(
+                tx, following, following.do, at=self.moment(), scene=SCENE
+            )
         return found if isinstance(found, Started) else None
 
     # --- the uplink ---
@@ -371,14 +378,14 @@ class SimHost:
         self.heard_at_s = self.lab.now_s
         if isinstance(frame, Welcome):
             with self.write() as tx:
-                standing.write_welcome(tx, frame)
+                host_state.write_welcome(tx, frame)
             with self.write() as tx:
-                standing.write_ack(tx, frame.acked_seq)
+                host_state.write_ack(tx, frame.acked_seq)
             self.link_epoch = frame.epoch
             self.sent_seq = frame.acked_seq
         elif isinstance(frame, Ack):
             with self.write() as tx:
-                standing.write_ack(tx, frame.seq)
+                host_state.write_ack(tx, frame.seq)
             if frame.seq >= self.sent_seq:
                 self.waiting_since_s = None
         elif isinstance(frame, Resume) and frame.epoch == self.link_epoch:
@@ -386,4 +393,4 @@ class SimHost:
             resumed(self)
             self.lost_at_s = None
             with self.write() as tx:
-                standing.write_armed(tx, self.boot_id, regression)
+                host_state.write_armed(tx, self.boot_id, regression)

@@ -13,10 +13,10 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.messages import EdgeEvent, canonical, event_hash
-from labweb.domain.runs.host_actions.standing import state_of
-from labweb.domain.runs.host_journal.edge import OPEN, ActionState, HostState
-from labweb.domain.runs.host_journal.journal import ActionRow, HeldResource, JournalError
-from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.host_actions.host_state import state_of
+from labweb.domain.runs.host_journal.action_states import OPEN, ActionState, HostState
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, HeldResource, JournalError
 
 _MISSING = object()
 
@@ -94,7 +94,7 @@ class Disk:
 
 
 class MemoryWrite:
-    """One atomic write: `labweb.domain.runs.host_journal.journal.JournalWrite` in memory."""
+    """One atomic write: `labweb.domain.runs.host_journal.journal_rows.JournalWrite` in memory."""
 
     def __init__(self, disk: Disk, at: Moment, on_commit: Callable[[bool], None]) -> None:
         self._disk = disk

@@ -12,9 +12,9 @@ import msgspec
 
 from labweb.domain.errors import StateError
 from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
-from labweb.domain.runs.exclusive_use import custody
-from labweb.domain.runs.exclusive_use.custody import Custody, CustodyState
-from labweb.domain.runs.host_journal.journal import HeldResource
+from labweb.domain.runs.exclusive_use import resource_custody
+from labweb.domain.runs.exclusive_use.resource_custody import Custody, CustodyState
+from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from tests.simulation.checks import require
 from tests.simulation.lab import id_of
 from tests.simulation.memory import BEGINNING, Disk, MemoryWrite
@@ -87,7 +87,9 @@ class Moving:
         before = self.known[vial]
         try:
             # The server does not see every use: a host has the last word on its own.
-            asked = custody.ask(before, transfer_id=id_of(23, self.count), target=target, in_use=())
+            asked = resource_custody.ask(
+                before, transfer_id=id_of(23, self.count), target=target, in_use=()
+            )
         except StateError:
             return
         assert asked.transfer_id is not None
@@ -111,9 +113,9 @@ class Moving:
         try:
             with MemoryWrite(disk, BEGINNING, lambda has_appended: None) as tx:
                 if isinstance(command, Release):
-                    custody.take_release(tx, command, in_use=self.used)
+                    resource_custody.take_release(tx, command, in_use=self.used)
                 else:
-                    custody.take_receive(tx, command)
+                    resource_custody.take_receive(tx, command)
                 if dies:
                     raise InterruptedError
             self.check_use(command)
@@ -143,12 +145,16 @@ class Moving:
         before = self.known[vial]
         self.commands.pop(vial, None)
         if event.kind == "kept":
-            self.known[vial] = custody.after_kept(before, host=host, transfer_id=transfer_id)
+            self.known[vial] = resource_custody.after_kept(
+                before, host=host, transfer_id=transfer_id
+            )
         elif event.kind == "released":
             view = msgspec.convert(event.body["view"], ResourceView)
             for part in msgspec.convert(event.body["parts"], list[ResourceView]):
                 self.told[part.id] = part
-            moved = custody.after_released(before, host=host, transfer_id=transfer_id, view=view)
+            moved = resource_custody.after_released(
+                before, host=host, transfer_id=transfer_id, view=view
+            )
             self.known[vial] = moved
             assert moved.target is not None
             self.commands[vial] = Receive(
@@ -159,7 +165,9 @@ class Moving:
                 parts=[self.told[PARTS[vial]]],
             )
         else:
-            self.known[vial] = custody.after_received(before, host=host, transfer_id=transfer_id)
+            self.known[vial] = resource_custody.after_received(
+                before, host=host, transfer_id=transfer_id
+            )
             self.finished += 1
 
     def holders(self, vial: UUID) -> list[UUID]:

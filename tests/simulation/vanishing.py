@@ -16,12 +16,12 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd.operations import Update
-from labweb.domain.enrollment.kept import Kept, Sort
+from labweb.domain.enrollment.setpoint_readback import Kept, Sort
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.halts import stands, vanishing
-from labweb.domain.runs.halts.stands import Stands
-from labweb.domain.runs.host_journal.journal import ActionRow
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.runs.halts import standing_setpoints, vanished_setpoints
+from labweb.domain.runs.halts.standing_setpoints import Stands
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation import halts
 from tests.simulation.checks import require
 from tests.simulation.halting import (
@@ -46,7 +46,7 @@ class VanishingServer(HaltingServer):
 
     def _take_word(self, host: Host, event: EdgeEvent) -> None:
         super()._take_word(host, event)
-        if event.kind != vanishing.EVENT:
+        if event.kind != vanished_setpoints.EVENT:
             return
         body = event.body
         attempt = self.attempts[UUID(body["action_id"])]
@@ -56,7 +56,7 @@ class VanishingServer(HaltingServer):
             job.halted_by = job.halted_by or body["code"]
         syringe_id = PUMP_OF[UUID(body["device_id"])].syringe
         vessel = self.vessels[syringe_id]
-        gone = vanishing.gone_of(vessel.view.data, body["action"])
+        gone = vanished_setpoints.gone_of(vessel.view.data, body["action"])
         told = body["data"].get(str(syringe_id))
         if told is not None and told != gone:
             self.tickets.append("reconcile.drift")
@@ -88,7 +88,7 @@ class VanishingHost(HaltingHost):
 
     def refresh(self) -> None:
         """Read in the journal what stands."""
-        self.known = stands.read_stands(self.disk.meta)
+        self.known = standing_setpoints.read_stands(self.disk.meta)
 
     def look(self) -> None:
         """Compare what stands with what its devices are set to."""
@@ -107,7 +107,7 @@ class VanishingHost(HaltingHost):
         kept = Kept(status=SETPOINT, sort=Sort.SETPOINT, asked=asked)
         device = _config(PUMP_OF[device_id])
         with self.write() as tx:
-            is_told = vanishing.write_vanished(tx, device, one, kept, found or 0.0)
+            is_told = vanished_setpoints.write_vanished(tx, device, one, kept, found or 0.0)
         if is_told:
             lab.check_told(device_id, one.action_id)
 

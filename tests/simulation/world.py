@@ -10,11 +10,11 @@ from typing import Any
 
 from labweb.domain.errors import Effect, StateError
 from labweb.domain.messages import Command, EdgeEvent, Signed
-from labweb.domain.runs.host_actions.acting import Started
-from labweb.domain.runs.host_journal.edge import ActionState, Report
-from labweb.domain.runs.host_journal.journal import ActionRow, JournalError
-from labweb.domain.runs.host_link.session import SessionState
-from labweb.domain.runs.states.job import FINAL, JobState, Mover
+from labweb.domain.runs.host_actions.action_execution import Started
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
 from tests.simulation import checks
 from tests.simulation.checks import require
 from tests.simulation.host import KilledError, SimHost

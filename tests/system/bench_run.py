@@ -16,15 +16,15 @@ from uuid import UUID
 
 from drivers.base import Driver
 from drivers.transports.urls import make_transport
-from labweb.domain.crutd.balance import Move
-from labweb.domain.crutd.decide import Outcome, OutcomeKind, confirmed_nl, settle
 from labweb.domain.crutd.ledger import Account
+from labweb.domain.crutd.mass_balance import Move
 from labweb.domain.crutd.operations import React, TransferLiquid
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind, confirmed_nl, settle
 from labweb.domain.crutd.snapshot import ResourceState
-from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
 from labweb.domain.resources.contents import LotId, add, remove
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.workflows.compile_workflow import LabView
 from labweb.domain.workflows.plan import Plan, PlannedJob
 from tests.fixtures.running import Process
 

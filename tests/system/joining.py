@@ -31,8 +31,8 @@ from cryptography.x509.oid import NameOID
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
-from labweb.domain.enrollment.join import SERVER_NAME, Offer, code_of
-from labweb.domain.enrollment.sighting import Beacon, beacon_bytes
+from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes
+from labweb.domain.enrollment.host_join import SERVER_NAME, Offer, code_of
 from tests.system.stack import CHECKOUT, Stack
 from workers.identity import key_hash
 from workers.keys import HostKey

@@ -21,8 +21,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from drivers.load import read_spec
 from drivers.transports.urls import line_key
-from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import TransferLiquid, to_json
+from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.messages import (
     Command,
     DeviceConfig,

@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
-from labweb.domain.files import WANTED, FileOffer, FilePart, FileParts, FileTaken
+from labweb.domain.action_files import WANTED, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.messages import (
     CLOSE_BAD_FRAME,
     PROTOCOL_VERSION,

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from labweb.domain.messages import Cancel, Command, Reset, Resolve, Signed, StopLab
-from labweb.domain.runs.host_journal.edge import ActionState
+from labweb.domain.runs.host_journal.action_states import ActionState
 from tests.workers.bench import (
     BOTTLE_ID,
     HOST_ID,

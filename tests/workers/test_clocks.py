@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from labweb.domain.messages import EdgeEvent, Pulse, Welcome, event_hash
-from labweb.domain.runs.host_link.clocks import Anchor
+from labweb.domain.runs.host_link.host_clocks import Anchor
 from tests.workers.bench import Host, a_do
 from tests.workers.hub import Hub
 from tests.workers.test_uplink import connected, until

@@ -12,7 +12,7 @@ import pytest
 from drivers.catalog.bundle import gather
 from drivers.catalog.source import path_of, read_source
 from drivers.transports.virtual import VirtualTransport
-from labweb.domain.enrollment.bundle import digest_of, encode_bundle
+from labweb.domain.enrollment.driver_bundle import digest_of, encode_bundle
 from labweb.domain.errors import ConformanceError
 from labweb.domain.messages import Devices, DriverApproval, DriverPart, Signed
 from tests.workers.bench import Host, Server, a_device

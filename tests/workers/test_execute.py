@@ -12,10 +12,10 @@ import pytest
 
 from drivers.base import Driver, Report
 from drivers.load import call_action
-from labweb.domain.crutd.conditions import Condition
+from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.messages import Cancel, Resolve, StopLab
-from labweb.domain.runs.host_journal.edge import ActionState
-from labweb.domain.runs.host_journal.journal import JournalError
+from labweb.domain.runs.host_journal.action_states import ActionState
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import (
     BOTTLE_ID,
     DEVICE_ID,

@@ -21,7 +21,7 @@ import pytest
 from drivers.base import DataFile, Report
 from drivers.load import read_spec
 from drivers.transports.urls import line_key
-from labweb.domain import files as handed
+from labweb.domain import action_files as handed
 from labweb.domain.crutd.operations import Read, Update, to_json
 from labweb.domain.errors import StateError
 from labweb.domain.messages import DeviceConfig, Do, ResourceView

@@ -15,7 +15,7 @@ import pytest
 from drivers.load import call_action, read_spec
 from labweb.domain.errors import DeviceError
 from labweb.domain.messages import Cancel, Do, Resolve, StopLab
-from labweb.domain.runs.halts.halting import owe_halt
+from labweb.domain.runs.halts.halted_setpoints import owe_halt
 from tests.drivers.conformance.cases import HEATER_STIRRERS
 from tests.drivers.conformance.placed_models import Bench, Case, running
 from tests.workers.bench import (

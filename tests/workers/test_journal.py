@@ -13,8 +13,8 @@ from uuid import uuid4
 import pytest
 
 from labweb.domain.messages import event_hash
-from labweb.domain.runs.host_journal.edge import ActionState
-from labweb.domain.runs.host_journal.journal import JournalError
+from labweb.domain.runs.host_journal.action_states import ActionState
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, a_do
 from workers import journal_file, journal_schema
 from workers.journal import Journal, check_journal, create_journal

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from labweb.domain.enrollment.sighting import Beacon, beacon_bytes, sighting_of
+from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes, sighting_of
 from labweb.domain.messages import Sighting
 from tests.workers.bench import HOST_ID, Host
 from workers.config import BeaconConfig, DiscoveryConfig, HostConfig, ValkeyConfig

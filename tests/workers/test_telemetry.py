@@ -11,7 +11,7 @@ import msgspec
 import pytest
 
 from drivers.load import read_spec
-from labweb.domain.crutd.conditions import Condition, Verdict
+from labweb.domain.crutd.pre_and_postconditions import Condition, Verdict
 from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import StopLab
 from tests.drivers.wire import answering

@@ -13,8 +13,8 @@ from uuid import uuid4
 import msgspec
 import pytest
 
+from labweb.domain.action_files import UNKNOWN, FileAsked, FileGone, FilePart
 from labweb.domain.errors import StateError
-from labweb.domain.files import UNKNOWN, FileAsked, FileGone, FilePart
 from labweb.domain.messages import (
     PROTOCOL_VERSION,
     Ask,

@@ -9,11 +9,11 @@ import msgspec
 import pytest
 
 from drivers.load import read_spec
-from labweb.domain.enrollment.kept import setting_actions
+from labweb.domain.enrollment.setpoint_readback import setting_actions
 from labweb.domain.messages import DeviceConfig, ResourceView
-from labweb.domain.runs.halts.halting import RUN_ABORTED, owe_halt
-from labweb.domain.runs.halts.stands import Stands, put_stands, read_stands
-from labweb.domain.runs.host_journal.journal import HeldResource
+from labweb.domain.runs.halts.halted_setpoints import RUN_ABORTED, owe_halt
+from labweb.domain.runs.halts.standing_setpoints import Stands, put_stands, read_stands
+from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from tests.drivers.conformance.cases import HEATER_STIRRERS
 from tests.drivers.conformance.placed_models import SPEED, Bench, Case, running
 from tests.workers.bench import DEVICE_ID, Host, a_device, installed

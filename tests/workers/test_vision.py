@@ -24,8 +24,8 @@ import pytest
 from drivers.load import read_spec
 from drivers.sensors import network_camera
 from drivers.transports.urls import line_key
-from labweb.domain.crutd.conditions import Condition, sees_tag, sees_vessel
 from labweb.domain.crutd.operations import Read, TransferResource, to_json
+from labweb.domain.crutd.pre_and_postconditions import Condition, sees_tag, sees_vessel
 from labweb.domain.messages import DeviceConfig, Do, ResourceView
 from tests.fixtures.hand_bench import a_document, a_vessel
 from tests.fixtures.running import Process

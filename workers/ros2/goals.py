@@ -13,7 +13,7 @@ import msgspec
 
 from drivers.transports.ros2.actions import ActionServer, Decide, Goal, GoalState
 from drivers.transports.ros2.bus import Bus
-from labweb.domain.enrollment.spec import ActionSpec, check_arguments
+from labweb.domain.enrollment.driver_spec import ActionSpec, check_arguments
 from labweb.domain.errors import LabError
 from labweb.domain.messages import Ask, AskTold, WithdrawAsk
 from workers.ros2.mapping import action_arguments

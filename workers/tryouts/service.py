@@ -11,8 +11,8 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.enrollment.bundle import MAX_BUNDLE_BYTES, decode_bundle
-from labweb.domain.enrollment.tryout import MOST_AT_ONCE
+from labweb.domain.enrollment.driver_bundle import MAX_BUNDLE_BYTES, decode_bundle
+from labweb.domain.enrollment.driver_tryout import MOST_AT_ONCE
 from labweb.domain.errors import ConformanceError, LabError, StateError
 from labweb.domain.messages import SimulatedModel, TryoutAsk, TryoutOrder, TryoutPart, TryoutTold
 from workers.config import HostConfig

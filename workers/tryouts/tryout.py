@@ -12,7 +12,7 @@ from pathlib import Path
 
 import msgspec
 
-from labweb.domain.enrollment.tryout import BEAT_S, IDLE_S, LONGEST_S
+from labweb.domain.enrollment.driver_tryout import BEAT_S, IDLE_S, LONGEST_S
 from labweb.domain.errors import DeviceError, Effect, LabError, StateError
 from labweb.domain.messages import (
     TryoutAsk,

@@ -12,7 +12,7 @@ from labweb.common import signing, witness
 from labweb.common.clock import now
 from labweb.domain.errors import StateError
 from labweb.domain.messages import ChainHead, read_head
-from labweb.domain.runs.host_journal.countersigning import check_head
+from labweb.domain.runs.host_journal.countersigned_heads import check_head
 
 
 @atomic

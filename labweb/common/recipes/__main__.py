@@ -17,7 +17,7 @@ import msgspec
 from labweb.common.clock import SystemClock
 from labweb.common.limits import limit_process
 from labweb.domain.errors import DefinitionError, LabError
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import Asked, advise_on, open_recipe, workflow_from
 
 MAX_CPU_S = 120
 MAX_MEMORY_BYTES = 2 * 2**30

@@ -38,13 +38,13 @@ from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.archived import with_former_place
 from labweb.crutd.selectors.past import Past, as_it_was
 from labweb.crutd.selectors.told import told_of
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.errors import DefinitionError, Finding
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import KINDS, Nature, is_vessel
+from labweb.domain.resources.resource_kinds import KINDS, Nature, is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.api import connection_end

@@ -7,7 +7,7 @@ from uuid import UUID
 
 from labweb.crutd.answers import ResourceKeeper
 from labweb.crutd.selectors.holds import live_on
-from labweb.domain.runs.exclusive_use.holding import Mode
+from labweb.domain.runs.exclusive_use.run_holds import Mode
 
 _SHARED = {Mode.DRAW.value, Mode.POUR.value}
 

@@ -25,14 +25,14 @@ from labweb.crutd.models import Holding as Holding
 from labweb.crutd.models import Ticket as Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.balance import Move
-from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.crutd.lifecycle import FINAL, TransactionState
+from labweb.domain.crutd.mass_balance import Move
 from labweb.domain.crutd.provenance import is_nominal
+from labweb.domain.crutd.settlement import ResourceState
+from labweb.domain.crutd.transaction_states import FINAL, TransactionState
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
-from labweb.domain.runs.exclusive_use.locks import Lock, LockMode
+from labweb.domain.runs.exclusive_use.action_locks import Lock, LockMode
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Lab, Lot, Resource
 

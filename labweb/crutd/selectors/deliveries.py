@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labweb.crutd.models import Entry
-from labweb.domain.crutd.deliveries import Delivery, Share
+from labweb.domain.crutd.delivery_table import Delivery, Share
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.resources.contents import Phase
 from labweb.resources import selectors as resource_selectors

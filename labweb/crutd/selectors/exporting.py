@@ -10,7 +10,7 @@ import msgspec
 
 from labweb.crutd.selectors import amounts
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.graph.lab_file.model import (
+from labweb.domain.graph.lab_file.lab_model import (
     DeviceEntry,
     HostEntry,
     LabFile,

@@ -11,7 +11,7 @@ from django.db.models import QuerySet
 
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import RunHold as RunHold
-from labweb.domain.runs.exclusive_use.holding import Mode
+from labweb.domain.runs.exclusive_use.run_holds import Mode
 
 _HOLDS = """
 WITH RECURSIVE wanted(id) AS (

@@ -11,7 +11,7 @@ from django.db import connection
 from django.db.models import Count
 
 from labweb.crutd.models import Entry, Transaction
-from labweb.domain.crutd.provenance.flows import REACTION, Flow, is_reaction
+from labweb.domain.crutd.provenance.ledger_flows import REACTION, Flow, is_reaction
 from labweb.domain.crutd.provenance.lineage import (
     History,
     Limits,
@@ -20,7 +20,7 @@ from labweb.domain.crutd.provenance.lineage import (
     trace_down,
     trace_up,
 )
-from labweb.domain.crutd.provenance.picture import to_graph
+from labweb.domain.crutd.provenance.lineage_picture import to_graph
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 

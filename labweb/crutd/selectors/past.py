@@ -16,8 +16,7 @@ from labweb.common.clock import now
 from labweb.crutd.models import Entry, Event, Holding, LabBase, Transaction
 from labweb.crutd.selectors.chain import events_in_order
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.ledger import Account, Amount
-from labweb.domain.crutd.replay import (
+from labweb.domain.crutd.event_replay import (
     Dated,
     Happening,
     Node,
@@ -28,10 +27,11 @@ from labweb.domain.crutd.replay import (
     fold,
     link,
 )
+from labweb.domain.crutd.ledger import Account, Amount
 from labweb.domain.errors import DefinitionError, Finding, ReconcileError
-from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.tree import in_tree_order
+from labweb.domain.resources.resource_tree import in_tree_order
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource
 

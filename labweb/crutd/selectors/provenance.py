@@ -14,10 +14,10 @@ from django.db.models import Q
 from labweb.common.render import iso
 from labweb.crutd.models import Event, EventSubject, Transaction
 from labweb.crutd.selectors.resolving import Resolved, resolved_of
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
-from labweb.domain.crutd.provenance.facts import LotFact, ResourceFact, TransactionFact
-from labweb.domain.crutd.provenance.stays import Move
+from labweb.domain.crutd.provenance.recorded_facts import LotFact, ResourceFact, TransactionFact
+from labweb.domain.crutd.provenance.stays_at_places import Move
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.resources import selectors as resource_selectors
 
 MOST_ACTS = 1000

@@ -12,8 +12,8 @@ from labweb.common.clock import now
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import ResourceReservation as ResourceReservation
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.exclusive_use.locks import Lock, LockMode
-from labweb.domain.runs.exclusive_use.reserving import Claim
+from labweb.domain.runs.exclusive_use.action_locks import Lock, LockMode
+from labweb.domain.runs.exclusive_use.reservations import Claim
 from labweb.resources.selectors import Lab
 
 _USES = """

@@ -13,17 +13,17 @@ from labweb.accounts.selectors import User
 from labweb.crutd.services.opening import lock_operation
 from labweb.crutd.services.recording import wait_for_others
 from labweb.crutd.services.transactions import Settlement, settle
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.operations import Create
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import DefinitionError, Finding, PreconditionError, StateError
-from labweb.domain.graph.injection import Injection, Part, Tube, injected, list_reasons
-from labweb.domain.graph.lab_file.config import check_config
-from labweb.domain.graph.topology import Medium
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.node import Resource as ResourceData
-from labweb.domain.resources.places import Thing, check_arriving
+from labweb.domain.graph.device_parts import Injection, Part, Tube, injected, list_reasons
+from labweb.domain.graph.lab_file.resource_config import check_config
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.resources.placement import Thing, check_arriving
+from labweb.domain.resources.resource import Resource as ResourceData
+from labweb.domain.resources.resource_kinds import KINDS
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device
 from labweb.enrollment.services import Wanted

@@ -14,7 +14,7 @@ from labweb.crutd.models import RunHold
 from labweb.crutd.selectors.holds import HeldAt, holds_on
 from labweb.domain.crutd import operations
 from labweb.domain.errors import Finding, LockedError
-from labweb.domain.runs.exclusive_use.holding import (
+from labweb.domain.runs.exclusive_use.run_holds import (
     Above,
     Mode,
     excludes,

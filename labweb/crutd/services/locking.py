@@ -13,13 +13,13 @@ from labweb.accounts import selectors as account_selectors
 from labweb.common.prepared import Question, together
 from labweb.crutd import selectors
 from labweb.crutd.selectors import reserved
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import Finding, LockedError
-from labweb.domain.runs.exclusive_use.holding import ROOMY, places_of
-from labweb.domain.runs.exclusive_use.locks import Lock, conflicts, lock_set
-from labweb.domain.runs.exclusive_use.reserving import Claim, in_the_way
+from labweb.domain.runs.exclusive_use.action_locks import Lock, conflicts, lock_set
+from labweb.domain.runs.exclusive_use.reservations import Claim, in_the_way
+from labweb.domain.runs.exclusive_use.run_holds import ROOMY, places_of
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Resource
 

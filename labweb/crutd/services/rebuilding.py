@@ -27,12 +27,12 @@ from labweb.crutd.selectors.past import base_of, rebuild_differences, replayed
 from labweb.crutd.services.importing import rows_of
 from labweb.crutd.services.posting import reserve
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.event_replay import Node, Replay
 from labweb.domain.crutd.ledger import posting_from
-from labweb.domain.crutd.lifecycle import FINAL, TransactionState
-from labweb.domain.crutd.replay import Node, Replay
-from labweb.domain.crutd.reserved import reservations
+from labweb.domain.crutd.reserved_amounts import reservations
+from labweb.domain.crutd.transaction_states import FINAL, TransactionState
 from labweb.domain.errors import ReconcileError, StateError
-from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab, Resource
 

@@ -12,12 +12,12 @@ from django.db.transaction import atomic
 
 from labweb.crutd.services.transactions import carry_out, check_operation
 from labweb.domain.crutd.operations import Create, Joint, Refit
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.graph.injection import Part, Tube
-from labweb.domain.graph.refit import PartChanges, find_changes
-from labweb.domain.graph.topology import Medium
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.graph.device_parts import Part, Tube
+from labweb.domain.graph.device_parts_changes import PartChanges, find_changes
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors

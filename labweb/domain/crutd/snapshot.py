@@ -8,9 +8,9 @@ from datetime import date
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.graph.attached import Attachment
+from labweb.domain.graph.attachments import Attachment
 from labweb.domain.resources.contents import Contents, LotId, Phase
-from labweb.domain.resources.places import Place, Thing
+from labweb.domain.resources.placement import Place, Thing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
 
 NL_PER_ML = 1_000_000
 NL_PER_UL = 1_000

@@ -12,10 +12,10 @@ from uuid import UUID
 
 from labweb.domain.errors import NoRouteError
 from labweb.domain.graph.elements import Element, Role, Tube, is_numbered
-from labweb.domain.graph.network import Network, Search, Step, make_hop
-from labweb.domain.graph.topology import Connection, PhysicalGraph, PortRef
-from labweb.domain.resources.node import Resource
-from labweb.domain.resources.tree import Tree
+from labweb.domain.graph.port_network import Network, Search, Step, make_hop
+from labweb.domain.graph.ports_and_connections import Connection, PhysicalGraph, PortRef
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_tree import Tree
 
 __all__ = ["COMMON_PORT", "Route", "ValvePosition", "find_route", "is_numbered"]
 

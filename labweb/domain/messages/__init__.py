@@ -12,11 +12,20 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.canonical import canonical as canonical
-from labweb.domain.files import FileAsked, FileGone, FileOffer, FilePart, FileTaken
-from labweb.domain.messages.asking import Ask as Ask
-from labweb.domain.messages.asking import AskTold as AskTold
-from labweb.domain.messages.asking import WithdrawAsk as WithdrawAsk
+from labweb.domain.action_files import FileAsked, FileGone, FileOffer, FilePart, FileTaken
+from labweb.domain.canonical_json import canonical as canonical
+from labweb.domain.messages.action_asks import Ask as Ask
+from labweb.domain.messages.action_asks import AskTold as AskTold
+from labweb.domain.messages.action_asks import WithdrawAsk as WithdrawAsk
+from labweb.domain.messages.certificates_and_sightings import Renew as Renew
+from labweb.domain.messages.certificates_and_sightings import Renewed as Renewed
+from labweb.domain.messages.certificates_and_sightings import Sighting as Sighting
+from labweb.domain.messages.certificates_and_sightings import Sightings as Sightings
+from labweb.domain.messages.chain_heads import ChainHead as ChainHead
+from labweb.domain.messages.chain_heads import Countersigned as Countersigned
+from labweb.domain.messages.chain_heads import Heads as Heads
+from labweb.domain.messages.chain_heads import countersigned_bytes as countersigned_bytes
+from labweb.domain.messages.chain_heads import read_head as read_head
 from labweb.domain.messages.commands import Batch as Batch
 from labweb.domain.messages.commands import BatchPart as BatchPart
 from labweb.domain.messages.commands import Cancel as Cancel
@@ -30,38 +39,29 @@ from labweb.domain.messages.commands import Resolve as Resolve
 from labweb.domain.messages.commands import ResourceView as ResourceView
 from labweb.domain.messages.commands import StandingView as StandingView
 from labweb.domain.messages.commands import Tick as Tick
-from labweb.domain.messages.drivers import DeviceConfig as DeviceConfig
-from labweb.domain.messages.drivers import Devices as Devices
-from labweb.domain.messages.drivers import DriverApproval as DriverApproval
-from labweb.domain.messages.drivers import DriverPart as DriverPart
-from labweb.domain.messages.drivers import Signed as Signed
-from labweb.domain.messages.drivers import WantDriver as WantDriver
-from labweb.domain.messages.enrolling import Renew as Renew
-from labweb.domain.messages.enrolling import Renewed as Renewed
-from labweb.domain.messages.enrolling import Sighting as Sighting
-from labweb.domain.messages.enrolling import Sightings as Sightings
-from labweb.domain.messages.heads import ChainHead as ChainHead
-from labweb.domain.messages.heads import Countersigned as Countersigned
-from labweb.domain.messages.heads import Heads as Heads
-from labweb.domain.messages.heads import countersigned_bytes as countersigned_bytes
-from labweb.domain.messages.heads import read_head as read_head
-from labweb.domain.messages.looks import LookOrder as LookOrder
-from labweb.domain.messages.looks import LookPart as LookPart
-from labweb.domain.messages.looks import LookTold as LookTold
+from labweb.domain.messages.device_looks import LookOrder as LookOrder
+from labweb.domain.messages.device_looks import LookPart as LookPart
+from labweb.domain.messages.device_looks import LookTold as LookTold
+from labweb.domain.messages.devices_and_drivers import DeviceConfig as DeviceConfig
+from labweb.domain.messages.devices_and_drivers import Devices as Devices
+from labweb.domain.messages.devices_and_drivers import DriverApproval as DriverApproval
+from labweb.domain.messages.devices_and_drivers import DriverPart as DriverPart
+from labweb.domain.messages.devices_and_drivers import Signed as Signed
+from labweb.domain.messages.devices_and_drivers import WantDriver as WantDriver
+from labweb.domain.messages.driver_tryouts import SimulatedModel as SimulatedModel
+from labweb.domain.messages.driver_tryouts import TryoutAsk as TryoutAsk
+from labweb.domain.messages.driver_tryouts import TryoutOffer as TryoutOffer
+from labweb.domain.messages.driver_tryouts import TryoutOrder as TryoutOrder
+from labweb.domain.messages.driver_tryouts import TryoutPart as TryoutPart
+from labweb.domain.messages.driver_tryouts import TryoutTold as TryoutTold
+from labweb.domain.messages.driver_tryouts import WireRecord as WireRecord
+from labweb.domain.messages.protocol_version import NOT_KNOWN as NOT_KNOWN
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION as PROTOCOL_VERSION
+from labweb.domain.messages.protocol_version import unknown_frame as unknown_frame
+from labweb.domain.messages.protocol_version import version_refusal as version_refusal
 from labweb.domain.messages.telemetry import Telemetry as Telemetry
 from labweb.domain.messages.telemetry import TelemetryGap as TelemetryGap
 from labweb.domain.messages.telemetry import TelemetryTaken as TelemetryTaken
-from labweb.domain.messages.tryouts import SimulatedModel as SimulatedModel
-from labweb.domain.messages.tryouts import TryoutAsk as TryoutAsk
-from labweb.domain.messages.tryouts import TryoutOffer as TryoutOffer
-from labweb.domain.messages.tryouts import TryoutOrder as TryoutOrder
-from labweb.domain.messages.tryouts import TryoutPart as TryoutPart
-from labweb.domain.messages.tryouts import TryoutTold as TryoutTold
-from labweb.domain.messages.tryouts import WireRecord as WireRecord
-from labweb.domain.messages.version import NOT_KNOWN as NOT_KNOWN
-from labweb.domain.messages.version import PROTOCOL_VERSION as PROTOCOL_VERSION
-from labweb.domain.messages.version import unknown_frame as unknown_frame
-from labweb.domain.messages.version import version_refusal as version_refusal
 
 CLOSE_BAD_FRAME = 4400
 """Code with which the server closes a connection on which it was sent what it does not know."""

@@ -7,9 +7,9 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.calibration.model import Correction
-from labweb.domain.messages.drivers import Signed
-from labweb.domain.messages.version import PROTOCOL_VERSION
+from labweb.domain.calibration.correction import Correction
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
 
 
 class StandingView(msgspec.Struct, frozen=True, kw_only=True):

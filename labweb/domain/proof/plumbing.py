@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from labweb.domain.graph.elements import NL_PER_UL, Element, Role, is_numbered
-from labweb.domain.graph.rig.elements import volume_nl
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.volumes import level_nl, listed_nl
-from labweb.domain.graph.topology import Medium
-from labweb.domain.proof.matter import UNITS_PER_NL
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.nodes_as_elements import volume_nl
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.stated_volumes import level_nl, listed_nl
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL
 
 _CARRIES = frozenset((Medium.LIQUID, Medium.GAS, Medium.VACUUM))
 _GASES = frozenset(("air", "nitrogen", "argon", "ar", "n2", "hydrogen", "h2"))

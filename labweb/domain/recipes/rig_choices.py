@@ -8,14 +8,14 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish, expand_recipe
-from labweb.domain.recipes.xdl.expansion.basic import Kind
+from labweb.domain.recipes.recipe_to_plan import Wish, expand_recipe
+from labweb.domain.recipes.xdl.expansion.basic_operations import Kind
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
-from labweb.domain.recipes.xdl.file_format.recipe import Recipe
-from labweb.domain.recipes.xdl.lab_choices.chosen import OnRig
-from labweb.domain.recipes.xdl.lab_choices.declared import Declared
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import OnRig
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
 
 
 def without_jars(wish: Wish, recipe: Recipe, rig: Rig) -> Wish:

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.recipes.agreement.check import check_same
 from labweb.domain.recipes.agreement.weaving import weave_rinses
+from labweb.domain.recipes.compile_recipe_file import plan_recipe, workflow_of
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_on_rig import plan_recipe, workflow_of
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from labweb.domain.recipes.rig_choices import (
     on_rig,
     with_fillings,
     with_receivers,
     without_jars,
 )
-from labweb.domain.recipes.xdl.file_format.recipe import Recipe
-from labweb.domain.recipes.xdl.lab_choices.declared import Declared
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
 
 
 def workflow_on_rig(

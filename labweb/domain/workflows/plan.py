@@ -8,9 +8,9 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.calibration.model import Correction
-from labweb.domain.crutd.conditions import Condition
+from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd.operations import Operation
+from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.resources.contents import Phase
 
 

@@ -13,15 +13,15 @@ from django.db.models import Q, QuerySet, UUIDField
 from labweb.common import authority
 from labweb.common.clock import now
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.enrollment.admission import admitted_spec
-from labweb.domain.enrollment.claims import is_same_everywhere
-from labweb.domain.enrollment.device import Device as DeviceData
-from labweb.domain.enrollment.join import code_of
-from labweb.domain.enrollment.sighting import FORGOTTEN_AFTER_S
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.admitted_device import Device as DeviceData
+from labweb.domain.enrollment.admitted_interface import admitted_spec
+from labweb.domain.enrollment.announcement_trust import is_same_everywhere
+from labweb.domain.enrollment.device_announcements import FORGOTTEN_AFTER_S
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.enrollment.host_join import code_of
 from labweb.domain.errors import NotFoundError
 from labweb.domain.messages import DeviceConfig, StopLab
-from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device
 from labweb.enrollment.models import DriverVersion as DriverVersion

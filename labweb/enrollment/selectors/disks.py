@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from labweb.domain.disk import Disk
+from labweb.domain.disk_space import Disk
 from labweb.enrollment.models import EdgeHost
 
 

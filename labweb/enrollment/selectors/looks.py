@@ -7,8 +7,8 @@ from datetime import timedelta
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.enrollment.look import GIVEN_UP_S, Check, judge_look
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.device_look import GIVEN_UP_S, Check, judge_look
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.messages import LookTold
 from labweb.enrollment.models import Device, Look
 

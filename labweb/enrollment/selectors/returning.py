@@ -6,14 +6,14 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.enrollment.returning import (
+from labweb.domain.enrollment.device_review import KeptReview
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.enrollment.returning_device import (
     Admitted,
     Difference,
     compare_capabilities,
     compare_identity,
 )
-from labweb.domain.enrollment.reviewing import KeptReview
-from labweb.domain.enrollment.spec import DriverSpec
 from labweb.enrollment.models import Candidate, Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
 

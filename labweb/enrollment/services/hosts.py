@@ -15,9 +15,9 @@ from labweb.accounts.selectors import User
 from labweb.common import disk, feed, signing
 from labweb.common.clock import new_id, now, tick
 from labweb.common.wake import wake_dispatcher
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.disk import Level
-from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.disk_space import Level
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
 from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import (
     PROTOCOL_VERSION,
@@ -28,7 +28,7 @@ from labweb.domain.messages import (
     hello_bytes,
     version_refusal,
 )
-from labweb.domain.runs.host_link.session import (
+from labweb.domain.runs.host_link.host_session import (
     HostRecord,
     SessionState,
     after_hello,

@@ -15,8 +15,9 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import authority, feed
 from labweb.common.clock import new_id, now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.join import (
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
+from labweb.domain.enrollment.host_join import (
     LONGEST_NAME,
     LONGEST_TOKEN_S,
     SECRET_BYTES,
@@ -34,10 +35,9 @@ from labweb.domain.enrollment.join import (
     render_token,
     secret_hash,
 )
-from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.domain.messages import Refuse
-from labweb.domain.runs.host_link.session import SessionState, readmitted
+from labweb.domain.runs.host_link.host_session import SessionState, readmitted
 from labweb.enrollment import selectors
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.enrollment.services.certificates import keep_certificate

@@ -12,8 +12,8 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed, signing
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.bundle import PART_BYTES, encode_bundle
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.driver_bundle import PART_BYTES, encode_bundle
 from labweb.domain.errors import StateError
 from labweb.domain.messages import LookOrder, LookPart, LookTold, Signed
 from labweb.enrollment import selectors

@@ -23,12 +23,12 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.replacement import Waiting, check_replacement
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
+from labweb.domain.enrollment.driver_replacement import Waiting, check_replacement
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import Finding, PreconditionError, StateError
-from labweb.domain.graph.refit import decision_of, find_changes, list_changes
+from labweb.domain.graph.device_parts_changes import decision_of, find_changes, list_changes
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost
 from labweb.enrollment.services.link import tell_host

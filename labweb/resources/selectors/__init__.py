@@ -11,16 +11,16 @@ from django.db.models import Q, QuerySet, UUIDField
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.operations import Product, Receive, Refit
 from labweb.domain.errors import NotFoundError
-from labweb.domain.graph.attached import Attachment, find_attachments
-from labweb.domain.graph.topology import Connection as ConnectionData
-from labweb.domain.graph.topology import Medium, PhysicalGraph, PortRef
-from labweb.domain.resources.kinds import Nature
-from labweb.domain.resources.node import Resource as ResourceData
+from labweb.domain.graph.attachments import Attachment, find_attachments
+from labweb.domain.graph.ports_and_connections import Connection as ConnectionData
+from labweb.domain.graph.ports_and_connections import Medium, PhysicalGraph, PortRef
 from labweb.domain.resources.pose import parse_pose
-from labweb.domain.resources.tree import Tree
+from labweb.domain.resources.resource import Resource as ResourceData
+from labweb.domain.resources.resource_kinds import Nature
+from labweb.domain.resources.resource_tree import Tree
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab
 from labweb.resources.models import Lot as Lot

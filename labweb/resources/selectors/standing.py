@@ -7,7 +7,7 @@ from uuid import UUID
 
 from django.db.models import QuerySet
 
-from labweb.domain.resources.places import Place, Thing, is_bounded, sites_of
+from labweb.domain.resources.placement import Place, Thing, is_bounded, sites_of
 from labweb.resources.models import Lab, Resource
 
 

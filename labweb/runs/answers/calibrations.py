@@ -9,11 +9,11 @@ from uuid import UUID
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, NamedRef
-from labweb.domain.calibration.judge import LevelResult
-from labweb.domain.calibration.model import Quantity, Standing
-from labweb.domain.calibration.order import Reference
+from labweb.domain.calibration.calibration_order import Reference
+from labweb.domain.calibration.calibration_result import LevelResult
+from labweb.domain.calibration.correction import Quantity, Standing
 from labweb.domain.errors import Finding
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 
 CalibrationState = Literal["measuring", "failed", "awaiting", "accepted", "rejected", "withdrawn"]
 """How far a calibration has come."""

@@ -9,8 +9,8 @@ from uuid import UUID
 
 from labweb.common.answers import ApiAnswer, NumberedRef
 from labweb.domain.errors import Finding
-from labweb.domain.runs.after_failure.recovery import Wait
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.runs.after_failure.recovery_choices import Wait
+from labweb.domain.runs.states.job_states import RunState
 from labweb.runs.answers.plans import PlanView
 from labweb.workflows.answers import VersionRow
 

@@ -11,9 +11,9 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, KeyedRef
-from labweb.domain.calibration.model import Correction
-from labweb.domain.runs.after_failure.recovery import Choice
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.calibration.correction import Correction
+from labweb.domain.runs.after_failure.recovery_choices import Choice
+from labweb.domain.runs.states.job_states import JobState
 from labweb.runs.answers.rows import RecoveryName
 
 PassedBy = Literal["skip", "hand", "change"]

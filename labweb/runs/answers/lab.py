@@ -6,8 +6,8 @@ from datetime import datetime
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.host_link.session import SessionState
+from labweb.domain.graph.lab_file.lab_model import Mode
+from labweb.domain.runs.host_link.host_session import SessionState
 
 
 class StopHost(ApiAnswer):

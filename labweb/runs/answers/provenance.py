@@ -7,8 +7,8 @@ from typing import Any
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer, KeyedRef, NamedRef
-from labweb.domain.crutd.provenance.graph import Bond, Kind
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.crutd.provenance.provenance_graph import Bond, Kind
+from labweb.domain.runs.states.job_states import JobState
 
 
 class ProvenanceNode(ApiAnswer):

@@ -10,8 +10,8 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.graph.lab_file.lab_model import Mode
+from labweb.domain.runs.states.job_states import RunState
 
 RecoveryName = Literal["retry", "change", "done_by_hand", "skip"]
 

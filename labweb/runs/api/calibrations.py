@@ -16,13 +16,18 @@ from labweb.common.answers import NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.calibration.judge import Result
-from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Standing
-from labweb.domain.calibration.order import Order, PhOrder, TemperatureOrder, VolumeOrder
-from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.calibration.calibration_order import (
+    Order,
+    PhOrder,
+    TemperatureOrder,
+    VolumeOrder,
+)
+from labweb.domain.calibration.calibration_result import Result
+from labweb.domain.calibration.correction import IS_RELATIVE, SYMBOLS, Quantity, Standing
+from labweb.domain.enrollment.driver_spec import DriverSpec, ParameterSpec
 from labweb.domain.errors import Finding, NotFoundError
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors

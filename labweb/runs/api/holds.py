@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from uuid import UUID
 
-from labweb.domain.runs.exclusive_use.holding import Mode
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.runs.exclusive_use.run_holds import Mode
+from labweb.domain.runs.states.job_states import RunState
 from labweb.runs.answers.rows import RunHoldRow, RunWait
 from labweb.runs.models import Run
 from labweb.runs.selectors.holding import holds_of

@@ -8,7 +8,7 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from labweb.common.clock import now
-from labweb.domain.runs.dispatch.duration import Part, span_s
+from labweb.domain.runs.dispatch.job_duration import Part, span_s
 from labweb.domain.workflows.plan import PlannedStep
 from labweb.runs.answers.plans import PlanJob, PlanView
 from labweb.runs.models import Job

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime
 
-from labweb.domain.runs.after_failure.doubting import Measured, contradiction
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.runs.after_failure.doubt_by_readings import Measured, contradiction
+from labweb.domain.runs.states.job_states import JobState
 from labweb.domain.units import render_volume
 from labweb.runs import selectors
 from labweb.runs.answers.jobs import (

@@ -13,11 +13,11 @@ from labweb.accounts.selectors import User
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.answers import NamedRef
 from labweb.common.prepared import together
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.after_failure.departing import departures
-from labweb.domain.runs.host_link.session import SessionState
-from labweb.domain.runs.states.job import AT_EDGE, FINAL, JobState, RunState
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.graph.lab_file.lab_model import Mode
+from labweb.domain.runs.after_failure.plan_departures import departures
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL, JobState, RunState
 from labweb.domain.workflows.plan import Execution, PlannedStep
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab

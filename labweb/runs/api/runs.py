@@ -21,13 +21,13 @@ from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.answers import EventList
 from labweb.crutd.selectors.resolving import resolved_of
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.after_failure.departing import Departure
-from labweb.domain.runs.host_journal.context import without_surroundings
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.graph.lab_file.lab_model import Mode
+from labweb.domain.runs.after_failure.plan_departures import Departure
+from labweb.domain.runs.host_journal.surroundings import without_surroundings
+from labweb.domain.runs.states.job_states import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services

@@ -15,12 +15,12 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
 from labweb.common.prepared import Given, Prepared
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.disk import Level
+from labweb.domain.disk_space import Level
 from labweb.domain.errors import NotFoundError
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.after_failure.recovery import Wait
-from labweb.domain.runs.host_link.session import SessionState
-from labweb.domain.runs.states.job import AT_EDGE, JobState, RunState
+from labweb.domain.graph.lab_file.lab_model import Mode
+from labweb.domain.runs.after_failure.recovery_choices import Wait
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import AT_EDGE, JobState, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors

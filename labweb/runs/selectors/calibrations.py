@@ -13,13 +13,13 @@ from django.db.models import F, QuerySet, UUIDField
 
 from labweb.common.prepared import Given, IsAnyOf, Prepared
 from labweb.common.render import iso
-from labweb.domain.calibration import model, standing
-from labweb.domain.calibration.judge import Result
-from labweb.domain.calibration.model import Correction, Quantity, Standing
-from labweb.domain.calibration.order import Reference
-from labweb.domain.calibration.sending import check_sending
+from labweb.domain.calibration import calibration_validity, correction
+from labweb.domain.calibration.calibration_order import Reference
+from labweb.domain.calibration.calibration_result import Result
+from labweb.domain.calibration.correction import Correction, Quantity, Standing
+from labweb.domain.calibration.correction_at_dispatch import check_sending
 from labweb.domain.errors import Finding, NotFoundError, StateError
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration, Job
 
@@ -144,7 +144,7 @@ def standing_of(
     """Return whether an accepted calibration still holds of the device, and every reason."""
     if row.expires_at is None:
         raise StateError("only what was accepted holds", code="calibration.not_decided")
-    return standing.standing_of(
+    return calibration_validity.standing_of(
         expires_at=row.expires_at,
         is_withdrawn=row.state == Calibration.State.WITHDRAWN,
         was=row.fingerprint,
@@ -155,10 +155,10 @@ def standing_of(
 
 def calibrations_of(
     devices: Collection[Device], rows: Iterable[Calibration], *, at: datetime
-) -> dict[UUID, tuple[model.Calibration, ...]]:
+) -> dict[UUID, tuple[correction.Calibration, ...]]:
     """Return what planning needs to know of the devices' calibrations, which were read so."""
     known = {device.id: device for device in devices}
-    found: dict[UUID, tuple[model.Calibration, ...]] = {}
+    found: dict[UUID, tuple[correction.Calibration, ...]] = {}
     for row in rows:
         if row.device_id in known:
             one = _to_domain(row, known[row.device_id], at)
@@ -166,10 +166,10 @@ def calibrations_of(
     return found
 
 
-def _to_domain(row: Calibration, device: Device, at: datetime) -> model.Calibration:
+def _to_domain(row: Calibration, device: Device, at: datetime) -> correction.Calibration:
     result = msgspec.convert(row.result, Result)
     found, reasons = standing_of(row, device, at=at)
-    return model.Calibration(
+    return correction.Calibration(
         id=row.id,
         quantity=Quantity(row.quantity),
         number=row.number,

@@ -10,15 +10,15 @@ from django.db.models import F
 
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors import Ticket
-from labweb.domain.calibration.model import Correction, Quantity
-from labweb.domain.runs.after_failure.doubting import (
+from labweb.domain.calibration.correction import Correction, Quantity
+from labweb.domain.runs.after_failure.doubt_by_readings import (
     DIRECTIONS,
     PLUNGER,
     Measured,
     Plunger,
     measure,
 )
-from labweb.domain.runs.halts.halting import INTERRUPTED, MAY_MOVE
+from labweb.domain.runs.halts.halted_setpoints import INTERRUPTED, MAY_MOVE
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 

@@ -12,7 +12,7 @@ from labweb.common.prepared import Question, together
 from labweb.crutd.selectors.holds import RunHold as RunHold
 from labweb.crutd.selectors.holds import holds_of as holds_of
 from labweb.domain.crutd import operations
-from labweb.domain.runs.exclusive_use.claims import (
+from labweb.domain.runs.exclusive_use.run_claims import (
     Claims,
     Stand,
     Use,
@@ -21,8 +21,8 @@ from labweb.domain.runs.exclusive_use.claims import (
     needs_of,
     stand_of,
 )
-from labweb.domain.runs.exclusive_use.holding import Ask, Mode, Party, Scene
-from labweb.domain.runs.states.job import JobState, RunState
+from labweb.domain.runs.exclusive_use.run_holds import Ask, Mode, Party, Scene
+from labweb.domain.runs.states.job_states import JobState, RunState
 from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run

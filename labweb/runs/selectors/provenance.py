@@ -10,8 +10,11 @@ from uuid import UUID
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors import provenance as crutd
 from labweb.crutd.selectors.provenance import FOREVER, Window
-from labweb.domain.crutd.provenance.build import build_graph
-from labweb.domain.crutd.provenance.facts import (
+from labweb.domain.crutd.provenance.graph_from_record import build_graph
+from labweb.domain.crutd.provenance.ledger_flows import Flow, is_nominal, is_reaction
+from labweb.domain.crutd.provenance.lineage import Limits, Trace, trace_flows
+from labweb.domain.crutd.provenance.provenance_graph import Graph
+from labweb.domain.crutd.provenance.recorded_facts import (
     DecisionFact,
     FileFact,
     JobFact,
@@ -19,10 +22,7 @@ from labweb.domain.crutd.provenance.facts import (
     RunFact,
     TransactionFact,
 )
-from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
-from labweb.domain.crutd.provenance.graph import Graph
-from labweb.domain.crutd.provenance.lineage import Limits, Trace, trace_flows
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot, Resource
 from labweb.runs.models import Attempt, Job, Run

@@ -13,11 +13,19 @@ from django.db.models import Q
 from labweb.accounts.selectors import User
 from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
-from labweb.domain.runs.after_failure import doubting, recovery
-from labweb.domain.runs.after_failure.departing import Departure
-from labweb.domain.runs.after_failure.recovery import UNDONE, Choice, Ended, Later, Partner, Wait
-from labweb.domain.runs.halts.halting import LET_GO
-from labweb.domain.runs.states.job import FINAL, JobState
+from labweb.domain.runs.after_failure import doubt_by_readings
+from labweb.domain.runs.after_failure import recovery_choices as recovery
+from labweb.domain.runs.after_failure.plan_departures import Departure
+from labweb.domain.runs.after_failure.recovery_choices import (
+    UNDONE,
+    Choice,
+    Ended,
+    Later,
+    Partner,
+    Wait,
+)
+from labweb.domain.runs.halts.halted_setpoints import LET_GO
+from labweb.domain.runs.states.job_states import FINAL, JobState
 from labweb.runs.answers.jobs import RecoveryCard
 from labweb.runs.answers.jobs import recovery_choices as told_choices
 from labweb.runs.models import Attempt, Job, Run
@@ -177,7 +185,7 @@ def choices_after(job: Job, answer: str) -> tuple[Choice, ...]:
         has_moved=answer == "partly",
         is_unknown=is_amount and (answer == "discard" or is_discarded(job)),
     )
-    return doubting.choices_after(ended, is_step_untouched=is_step_untouched(job))
+    return doubt_by_readings.choices_after(ended, is_step_untouched=is_step_untouched(job))
 
 
 def recovery_of(job: Job) -> RecoveryCard | None:

@@ -6,9 +6,9 @@ from collections.abc import Collection
 from uuid import UUID
 
 from labweb.accounts.selectors import User
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.provenance.facts import MeasurementFact
-from labweb.domain.crutd.provenance.graph import Graph, redacted
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.provenance.provenance_graph import Graph, redacted
+from labweb.domain.crutd.provenance.recorded_facts import MeasurementFact
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.selectors import visible_runs

@@ -7,22 +7,22 @@ from typing import Any
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.calibration.buffers import (
+from labweb.domain.calibration.calibration_order import PhOrder, check_ph_order
+from labweb.domain.calibration.calibration_result import Criteria, Result, judge
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.ph_buffers import (
     RESOLUTION_PH,
     BufferReading,
     check_filling,
     points_of,
 )
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import PhOrder, check_ph_order
 from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.states.job import JobState
-from labweb.domain.workflows.calibrating import buffer_workflow, reading_id
-from labweb.domain.workflows.passes.liquids.pumping import pump_node
-from labweb.domain.workflows.passes.roles import acting_node, plays
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.runs.states.job_states import JobState
+from labweb.domain.workflows.calibration_workflows import buffer_workflow, reading_id
+from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.liquids.pump_choice import pump_node
+from labweb.domain.workflows.passes.role_requirements import acting_node, plays
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration
 

@@ -18,15 +18,15 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.calibration.judge import Result
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import (
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.calibration.calibration_order import (
     Order,
     PhOrder,
     VolumeOrder,
     check_certificates,
 )
+from labweb.domain.calibration.calibration_result import Result
+from labweb.domain.calibration.correction import Quantity
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
@@ -34,7 +34,7 @@ from labweb.domain.errors import (
     StateError,
 )
 from labweb.domain.messages import canonical
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors

@@ -12,8 +12,8 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.common.clock import now
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.runs.dispatch.scheduler import Candidate, JobView, why_passed_by
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.runs.dispatch.job_scheduler import Candidate, JobView, why_passed_by
+from labweb.domain.runs.states.job_states import JobState
 from labweb.domain.workflows.plan import Choice
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device

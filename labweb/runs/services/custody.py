@@ -20,9 +20,9 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
 from labweb.crutd.services import Settlement
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.operations import TransferResource
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import (
     DefinitionError,
     NotFoundError,
@@ -30,8 +30,8 @@ from labweb.domain.errors import (
     StateError,
 )
 from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
-from labweb.domain.runs.exclusive_use import custody as rules
-from labweb.domain.runs.exclusive_use.custody import CustodyState
+from labweb.domain.runs.exclusive_use import resource_custody as rules
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource

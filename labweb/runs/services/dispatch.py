@@ -19,9 +19,9 @@ from labweb.common.clock import new_id, now, tick
 from labweb.common.prepared import Question, together, update_row
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
-from labweb.domain.calibration.model import Correction
+from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.messages import (
     Cancel,
@@ -33,9 +33,14 @@ from labweb.domain.messages import (
     Signed,
     StandingView,
 )
-from labweb.domain.runs.dispatch.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batch, stamped
-from labweb.domain.runs.dispatch.scheduler import JobView
-from labweb.domain.runs.states.job import JobState, Mover
+from labweb.domain.runs.dispatch.command_outbox import (
+    RING_AGAIN_AFTER_S,
+    BatchDraft,
+    signed_batch,
+    stamped,
+)
+from labweb.domain.runs.dispatch.job_scheduler import JobView
+from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, EdgeHost

@@ -13,7 +13,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
-from labweb.domain.enrollment.replacement import Waiting
+from labweb.domain.enrollment.driver_replacement import Waiting
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
@@ -24,7 +24,7 @@ from labweb.domain.errors import (
     StateError,
 )
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.states.job import AT_EDGE, FINAL
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, DriverVersion, EdgeHost

@@ -18,10 +18,10 @@ from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError
-from labweb.domain.runs.exclusive_use import claims as rules
-from labweb.domain.runs.exclusive_use.claims import Claim, Claims
-from labweb.domain.runs.exclusive_use.holding import Ask, Mode, Party, Refusal, Why
-from labweb.domain.runs.states.job import RunState
+from labweb.domain.runs.exclusive_use import run_claims as rules
+from labweb.domain.runs.exclusive_use.run_claims import Claim, Claims
+from labweb.domain.runs.exclusive_use.run_holds import Ask, Mode, Party, Refusal, Why
+from labweb.domain.runs.states.job_states import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run

@@ -13,9 +13,9 @@ from labweb.common.clock import now
 from labweb.common.prepared import Question, together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors.facts import lab_facts
-from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.resources.contents import LotId
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.workflows.compile_workflow import LabView
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors

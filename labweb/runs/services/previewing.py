@@ -12,10 +12,10 @@ import msgspec
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.domain.crutd import operations
-from labweb.domain.workflows.compile import LabView, compile_workflow
+from labweb.domain.workflows.compile_workflow import LabView, compile_workflow
 from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
-from labweb.domain.workflows.plan_proof.proving import Proof, prove_plan
-from labweb.domain.workflows.protocol import parse_workflow
+from labweb.domain.workflows.plan_proof.prove_workflow import Proof, prove_plan
+from labweb.domain.workflows.workflow_file import parse_workflow
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.services.picture import lab_view

@@ -8,7 +8,7 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.resolving import Resolved, resolved_of
-from labweb.domain.runs.after_failure.doubting import (
+from labweb.domain.runs.after_failure.doubt_by_readings import (
     Later,
     Measured,
     claimed_nl,

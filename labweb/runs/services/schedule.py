@@ -7,9 +7,9 @@ from collections.abc import Collection, Mapping, Sequence
 from uuid import UUID
 
 from labweb.common import disk
-from labweb.domain.disk import Level
-from labweb.domain.runs.dispatch.scheduler import JobView, may_begin, pair_of, ready
-from labweb.domain.runs.host_actions.batch import ALONE, find_batches
+from labweb.domain.disk_space import Level
+from labweb.domain.runs.dispatch.job_scheduler import JobView, may_begin, pair_of, ready
+from labweb.domain.runs.host_actions.host_batch import ALONE, find_batches
 from labweb.domain.workflows.plan import Execution
 from labweb.runs import selectors
 from labweb.runs.services.batches import dispatch_batch

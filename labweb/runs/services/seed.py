@@ -20,9 +20,9 @@ from labweb.accounts import services as account_services
 from labweb.approvals import services as approval_services
 from labweb.common import signing
 from labweb.crutd import services as crutd_services
-from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Mode
-from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
+from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFile, Mode
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
+from labweb.domain.workflows.workflow_file import parse_workflow, render_workflow, resolve_keys
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services as workflow_services

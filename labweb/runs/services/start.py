@@ -23,18 +23,18 @@ from labweb.common.prepared import Question, inserting, together
 from labweb.common.wake import waking
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import reserved as reservations
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.disk import check_room
+from labweb.domain.disk_space import check_room
 from labweb.domain.errors import (
     Finding,
     PreconditionError,
     RevisionError,
     StateError,
 )
-from labweb.domain.runs.states.job import JobState, Mover, RunState
+from labweb.domain.runs.states.job_states import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.workflows.compile_workflow import LabView
 from labweb.domain.workflows.plan import Plan
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost

@@ -9,22 +9,22 @@ from uuid import UUID
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import TemperatureOrder, check_temperature_order
-from labweb.domain.calibration.thermal import (
+from labweb.domain.calibration.calibration_order import TemperatureOrder, check_temperature_order
+from labweb.domain.calibration.calibration_result import Criteria, Result, judge
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.thermometer_comparison import (
     LEAST_SET_POINTS,
     RESOLUTION_C,
     Comparison,
     points_of,
 )
-from labweb.domain.enrollment.device import Device as DeviceData
+from labweb.domain.enrollment.admitted_device import Device as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.states.job import JobState
-from labweb.domain.workflows.calibrating import comparison_ids, thermal_workflow
-from labweb.domain.workflows.passes.roles import HOLD_TOLERANCE_C, acting_node, plays
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.runs.states.job_states import JobState
+from labweb.domain.workflows.calibration_workflows import comparison_ids, thermal_workflow
+from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.role_requirements import HOLD_TOLERANCE_C, acting_node, plays
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration, Job
 

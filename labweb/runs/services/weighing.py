@@ -9,22 +9,22 @@ from uuid import UUID
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.calibration.gravimetric import Weighing, check_evaporation, points_of
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import VolumeOrder, check_order, levels_ul
-from labweb.domain.enrollment.device import Device as DeviceData
+from labweb.domain.calibration.calibration_order import VolumeOrder, check_order, levels_ul
+from labweb.domain.calibration.calibration_result import Criteria, Result, judge
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.gravimetric_volume import Weighing, check_evaporation, points_of
+from labweb.domain.enrollment.admitted_device import Device as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.runs.states.job import JobState
-from labweb.domain.workflows.calibrating import (
+from labweb.domain.runs.states.job_states import JobState
+from labweb.domain.workflows.calibration_workflows import (
     gravimetric_workflow,
     weighing_ids,
     weighing_order,
 )
-from labweb.domain.workflows.passes.devices.correcting import largest_stroke_nl
-from labweb.domain.workflows.passes.liquids.pumping import pump_node
-from labweb.domain.workflows.passes.roles import acting_node, plays, setting
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.passes.devices.calibration_correction import largest_stroke_nl
+from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.liquids.pump_choice import pump_node
+from labweb.domain.workflows.passes.role_requirements import acting_node, plays, setting
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration, Job
 

@@ -17,7 +17,7 @@ from django.db.transaction import atomic
 
 from labweb.common import feed
 from labweb.domain.messages import TelemetryGap
-from labweb.domain.telemetry import RAW
+from labweb.domain.telemetry_resolution import RAW
 from labweb.telemetry.models import Gap
 
 logger = logging.getLogger(__name__)

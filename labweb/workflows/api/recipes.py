@@ -11,8 +11,8 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
-from labweb.domain.approvals.tokens import AccessScope
-from labweb.domain.recipes.opening import Asked
+from labweb.domain.approvals.access_tokens import AccessScope
+from labweb.domain.recipes.recipe_preview import Asked
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services
 from labweb.workflows.answers import KeptRecipe, RecipeAdvice, RecipeOpening

@@ -18,15 +18,15 @@ from django.db.transaction import atomic
 from labweb.accounts.selectors import User
 from labweb.common.lanes import give_back_connection
 from labweb.crutd.selectors.exporting import lab_file_of
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.rig.lab import render_graph
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.rig.lab_as_rig import render_graph
 from labweb.domain.recipes.agreement.contents import render_proved
-from labweb.domain.recipes.opening import Asked
-from labweb.domain.recipes.recipe_on_rig import digest
-from labweb.domain.resources.tree import Tree
-from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
+from labweb.domain.recipes.compile_recipe_file import digest
+from labweb.domain.recipes.recipe_preview import Asked
+from labweb.domain.resources.resource_tree import Tree
+from labweb.domain.workflows.workflow_file import parse_workflow, render_workflow, resolve_keys
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import WorkflowVersion

@@ -8,11 +8,11 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.calibration.buffers import BufferReading, buffer_ph, check_filling, points_of
-from labweb.domain.calibration.buffers_table import BUFFERS
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import Buffer, PhOrder, Reference, check_ph_order
+from labweb.domain.calibration.calibration_order import Buffer, PhOrder, Reference, check_ph_order
+from labweb.domain.calibration.calibration_result import Criteria, Result, judge
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.ph_buffers import BufferReading, buffer_ph, check_filling, points_of
+from labweb.domain.calibration.ph_buffers_table import BUFFERS
 from labweb.domain.errors import StateError
 
 CRITERIA = Criteria(tolerance=0.1, least_levels=2, least_repeats=2, resolution=0.01)

@@ -6,16 +6,16 @@ import random
 
 import pytest
 
-from labweb.domain.calibration.gravimetric import (
+from labweb.domain.calibration.calibration_result import Criteria, Result, judge
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.gravimetric_volume import (
     Surroundings,
     Weighing,
     check_evaporation,
     check_surroundings,
     points_of,
 )
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.water import z_factor_ul_mg
+from labweb.domain.calibration.water_density import z_factor_ul_mg
 from labweb.domain.errors import Finding, StateError
 
 AIR = Surroundings(water_c=22.0, pressure_kpa=101.3)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from labweb.domain.calibration.model import Calibration, Level, Quantity, correction_of
-from labweb.domain.calibration.reading import corrected
+from labweb.domain.calibration.corrected_reading import corrected
+from labweb.domain.calibration.correction import Calibration, Level, Quantity, correction_of
 
 PROBE = Calibration(
     id=UUID(int=3),

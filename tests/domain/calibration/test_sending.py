@@ -7,7 +7,7 @@ from uuid import UUID
 import msgspec
 import pytest
 
-from labweb.domain.calibration.model import (
+from labweb.domain.calibration.correction import (
     Calibration,
     Correction,
     Level,
@@ -15,7 +15,7 @@ from labweb.domain.calibration.model import (
     Standing,
     correction_of,
 )
-from labweb.domain.calibration.sending import check_sending
+from labweb.domain.calibration.correction_at_dispatch import check_sending
 
 PUMP = Calibration(
     id=UUID(int=1),

@@ -9,15 +9,15 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import (
+from labweb.domain.calibration.calibration_order import (
     Reference,
     TemperatureOrder,
     check_certificates,
     check_temperature_order,
 )
-from labweb.domain.calibration.thermal import RESOLUTION_C, Comparison, points_of
+from labweb.domain.calibration.calibration_result import Criteria, Result, judge
+from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.thermometer_comparison import RESOLUTION_C, Comparison, points_of
 from labweb.domain.errors import Finding
 
 CRITERIA = Criteria(tolerance=0.5, least_levels=3, least_repeats=2, resolution=RESOLUTION_C)

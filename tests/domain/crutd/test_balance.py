@@ -7,7 +7,7 @@ from uuid import UUID, uuid5
 import msgspec
 import pytest
 
-from labweb.domain.crutd.balance import LotFacts, Move, find_yields, mass_balance
+from labweb.domain.crutd.mass_balance import LotFacts, Move, find_yields, mass_balance
 from labweb.domain.crutd.operations import Product, React, Share
 from labweb.domain.resources.contents import LotId, Phase
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.crutd.conditions import (
+from labweb.domain.crutd.pre_and_postconditions import (
     Condition,
     Verdict,
     Verification,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.enrollment.kept import (
+from labweb.domain.enrollment.setpoint_readback import (
     SURE_S,
     TAKE_S,
     Kept,
@@ -15,7 +15,7 @@ from labweb.domain.enrollment.kept import (
     setting_actions,
     unread_since_s,
 )
-from labweb.domain.runs.halts.halting import sort_of
+from labweb.domain.runs.halts.halted_setpoints import sort_of
 
 HEAT = Kept(status="temperature_setpoint_c", sort=Sort.SETPOINT, asked=60.0)
 ON = Kept(status="is_controlling", sort=Sort.SWITCH, asked=True)

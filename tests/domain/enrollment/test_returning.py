@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import msgspec
 
-from labweb.domain.enrollment.returning import (
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
+from labweb.domain.enrollment.returning_device import (
     Admitted,
     compare_capabilities,
     compare_identity,
 )
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
 
 WAS = Admitted(
     driver_digest="a" * 64,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec
-from labweb.domain.enrollment.tryout import Act, fitting, labelled, tried
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec
+from labweb.domain.enrollment.driver_tryout import Act, fitting, labelled, tried
 from labweb.domain.messages import SimulatedModel
 
 SPEC = DriverSpec(

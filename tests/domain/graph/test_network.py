@@ -3,11 +3,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from labweb.domain.graph.chain import Wanted, find_chain
 from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.network import Network, explore
-from labweb.domain.graph.topology import Medium
-from labweb.domain.workflows.passes.liquids.backbone import find_interval
+from labweb.domain.graph.port_network import Network, explore
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.syringe_chain import Wanted, find_chain
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import find_interval
 
 ROLES = {
     "v": Role.VALVE, "p": Role.PUMP, "s": Role.SOLENOID, "m": Role.MANIFOLD, "c": Role.CARTRIDGE,

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import bench, compiled, unproved
 from tests.domain.recipes.plans import recipe as on_bench
 from tests.domain.recipes.test_advice_on_labs import ADD, recipe

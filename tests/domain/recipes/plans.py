@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import check_plan
-from labweb.domain.proof.plan import parse_plan
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import check_plan
+from labweb.domain.proof.plan_read import parse_plan
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish, compile_recipe
-from labweb.domain.recipes.xdl.file_format.markup import parse_markup
-from labweb.domain.recipes.xdl.file_format.read import check_document, refusal
+from labweb.domain.recipes.recipe_to_plan import Wish, compile_recipe
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document, refusal
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.domain.recipes.rigs import chemputer
 from tests.judge.play import play
 from tests.judge.reading import read_json

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.rig.model import RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.rig.rig_model import RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.recipe_preview import Asked, advise_on, open_recipe
 from tests.domain.recipes.test_opening import RECIPE, STARTER
 
 SEPARATOR = '<Component id="separator" type="separator"/>'

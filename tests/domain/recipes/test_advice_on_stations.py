@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
-from labweb.domain.graph.rig.model import RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.rig.rig_model import RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.rig_write import write_rig
+from labweb.domain.recipes.recipe_preview import Asked, advise_on, open_recipe
 from tests.corpus import GRAPHS, NO_GRAPHS
 from tests.domain.recipes.test_advice_on_labs import (
     ADD,

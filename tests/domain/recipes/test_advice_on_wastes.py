@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.advise.search import Advice, advise
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.file_format.markup import parse_markup
-from labweb.domain.recipes.xdl.file_format.read import check_document
+from labweb.domain.recipes.recipe_to_plan import Wish
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.domain.recipes.plans import claims, compiled
 from tests.domain.recipes.test_meetings import POURS, TO_WASTE, starter
 from tests.domain.recipes.test_meetings import asked as on_starter

@@ -13,7 +13,7 @@ from labweb.domain.recipes.agreement.check import check_agreement, check_same
 from labweb.domain.recipes.agreement.contents import check_contents, render_proved
 from labweb.domain.recipes.agreement.keeping import changes_since
 from labweb.domain.recipes.agreement.weaving import weave_rinses
-from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import Asked, open_recipe, workflow_from
 from tests.domain.recipes.plans import recipe
 from tests.domain.recipes.test_opening import STARTER
 from tests.domain.recipes.test_station_of_our_own import whole

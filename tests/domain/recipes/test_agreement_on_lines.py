@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.recipes.agreement.check import check_agreement
-from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import Asked, open_recipe, workflow_from
 from tests.domain.recipes.plans import recipe, unproved
 from tests.domain.recipes.test_agreement import (
     DECLARED_RAW,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from labweb.domain.graph.lab_file.bindings import Binding, read_binding
+from labweb.domain.graph.lab_file.binding_file import Binding, read_binding
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "graphs.md"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe
 
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'

@@ -12,14 +12,14 @@ import pytest
 
 from fixtures.instruments.bench import parse_bench
 from labweb.domain.errors import LabError, LabFileError
-from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.bindings import is_match, read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.convert import Target, convert
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import is_match, read_binding
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.recipes.graph_formats.convert_graph import Target, convert
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Document, Format
 from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.domain.recipes.rigs import chemputer
 

@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.expansion.basic import (
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
+from labweb.domain.recipes.xdl.expansion.basic_operations import (
     BUFFER,
     EFFECTS,
     INERT_GAS,
@@ -25,11 +26,10 @@ from labweb.domain.recipes.xdl.expansion.basic import (
 )
 from labweb.domain.recipes.xdl.expansion.expand import Expansion, all_operations, expand
 from labweb.domain.recipes.xdl.expansion.operations_table import OPERATIONS
-from labweb.domain.recipes.xdl.expansion.reading import default_number
-from labweb.domain.recipes.xdl.file_format.read import read_xdl
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
 from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
-from labweb.domain.recipes.xdl.tables.spec import STEPS
-from labweb.domain.recipes.xdl.unfolding.unfold import unfold
+from labweb.domain.recipes.xdl.tables.step_spec import STEPS
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.asking import corpus_files, recipe
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_rinses import add, rinses

@@ -11,13 +11,13 @@ import pytest
 
 from labweb.domain.errors import LabError
 from labweb.domain.graph.elements import Role
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.rig.model import RigFormat
-from labweb.domain.graph.rig.read import read_rig, unpacked
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.recipes.graph_formats.convert import Target, convert, family_of
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.rig.rig_model import RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig, unpacked
+from labweb.domain.graph.rig.rig_write import write_rig
+from labweb.domain.recipes.graph_formats.convert_graph import Target, convert, family_of
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.opening import Asked, open_recipe
+from labweb.domain.recipes.recipe_preview import Asked, open_recipe
 from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.domain.recipes.rigs import chemputer
 from tests.domain.recipes.test_advice_on_labs import ADD, SEPARATE, SEPARATOR, recipe

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_wastes import GROUPS, refused, text, two_wastes

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.file_format.markup import (
+from labweb.domain.recipes.xdl.file_format.xml_tree import (
     MAX_BYTES,
     MAX_DEPTH,
     Attribute,

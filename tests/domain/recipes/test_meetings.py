@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.proof.encounters import Encounters, Gift
-from labweb.domain.proof.lines import Lines
-from labweb.domain.proof.matter import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.unplanned_mixing import Encounters, Gift
+from labweb.domain.proof.wetted_lines import Lines
 from labweb.domain.recipes.on_rig.matter import exactly
 from labweb.domain.recipes.on_rig.meetings import Meetings, Pour, kept_of
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import claims, compiled, recipe, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_rinses import add, rinses

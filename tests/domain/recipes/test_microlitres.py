@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.volumes import check_volumes
-from labweb.domain.recipes.opening import Asked
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.stated_volumes import check_volumes
+from labweb.domain.recipes.recipe_preview import Asked
 from tests.domain.recipes.plans import compiled, unproved
 from tests.domain.recipes.test_advice_on_labs import ADD, recipe
 from tests.domain.recipes.test_advice_on_stations import advised, station

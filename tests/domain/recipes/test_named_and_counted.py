@@ -8,11 +8,11 @@ from __future__ import annotations
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.xdl.expansion.basic import Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import Kind
 from labweb.domain.recipes.xdl.expansion.expand import all_operations, expand
-from labweb.domain.recipes.xdl.file_format.markup import parse_markup
-from labweb.domain.recipes.xdl.file_format.read import check_document
-from labweb.domain.recipes.xdl.unfolding.unfold import unfold
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.domain.recipes.plans import bench, claims, compiled, recipe
 
 ADD = 'Add vessel="filter" reagent="water" volume="20 mL"'

@@ -10,12 +10,12 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.recipes.on_rig.binding import Binding
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.steps.conditions import start_stir
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Kind
 from labweb.domain.recipes.xdl.file_format.findings import Findings
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe
 

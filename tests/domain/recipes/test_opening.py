@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.rig.lab import render_graph
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.prove import Proof
-from labweb.domain.recipes import recipe_on_rig
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe, workflow_from
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.rig.lab_as_rig import render_graph
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.prove_plan import Proof
+from labweb.domain.recipes import compile_recipe_file
+from labweb.domain.recipes.recipe_preview import Asked, advise_on, open_recipe, workflow_from
 
 LABS = Path(__file__).parents[3] / "fixtures/labs"
 RECIPE = (LABS / "three_stations/protocols/acetylation.xdl").read_bytes()
@@ -116,7 +116,7 @@ def test_what_is_bound_by_hand_is_what_the_plan_uses() -> None:
 
 def test_a_plan_that_is_not_proved_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = Finding("interpret.overflow", "step 7: it is too full", "step 7")
-    monkeypatch.setattr(recipe_on_rig, "prove", lambda *_: Proof((wrong,)))
+    monkeypatch.setattr(compile_recipe_file, "prove", lambda *_: Proof((wrong,)))
     answer = open_recipe(ASKED)
     assert (answer["plan"], answer["is_proved"]) == (None, False)
     assert [f["code"] for f in answer["findings"]] == ["plan.not_proved", "interpret.overflow"]

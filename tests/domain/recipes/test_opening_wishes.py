@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.opening import Asked, open_recipe
-from labweb.domain.recipes.xdl.file_format.values import read_value, unit_of, written
-from labweb.domain.recipes.xdl.tables.spec import Property
+from labweb.domain.recipes.recipe_preview import Asked, open_recipe
+from labweb.domain.recipes.xdl.file_format.attribute_values import read_value, unit_of, written
+from labweb.domain.recipes.xdl.tables.step_spec import Property
 from tests.domain.recipes.plans import bench, recipe
 from tests.domain.recipes.test_opening import STARTER, WATER, binding
 from tests.domain.workflows.station import DECLARED, LAB

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import claims, compiled, recipe, unproved
 from tests.domain.recipes.rigs import chemputer, rig_of
 

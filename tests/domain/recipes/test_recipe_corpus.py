@@ -19,7 +19,7 @@ import pytest
 
 from benchmarks.corpus_volumes import Volumes, of_plan, of_trace
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.plans import check_claims, check_strokes, compiled
 

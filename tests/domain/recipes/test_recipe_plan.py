@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import (
     bench,
     check_claims,

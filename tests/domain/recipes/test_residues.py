@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_films import CYANIDE, some

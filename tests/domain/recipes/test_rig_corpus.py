@@ -13,12 +13,12 @@ import pytest
 
 from benchmarks.transfers import counts
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.chain import Wanted, find_chain
 from labweb.domain.graph.elements import Role
-from labweb.domain.graph.rig.model import Rig, RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.recipes.rig_transfers import compile_line
+from labweb.domain.graph.rig.rig_model import Rig, RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.rig_write import write_rig
+from labweb.domain.graph.syringe_chain import Wanted, find_chain
+from labweb.domain.recipes.transfers_on_rig import compile_line
 from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.domain.recipes.interpreter import Plumbing, check
 

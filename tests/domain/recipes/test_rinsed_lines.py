@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import claims, compiled
 from tests.domain.recipes.test_rinses import CHLORIDE, add, rinses
 from tests.domain.recipes.test_wastes import GROUPS, refused, text, two_wastes

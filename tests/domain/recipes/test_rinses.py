@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from labweb.domain.resources.compatibility_table import STREAMS
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of

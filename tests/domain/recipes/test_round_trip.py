@@ -10,19 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.file_format.json_form import parse_json, render_json
-from labweb.domain.recipes.xdl.file_format.markup import (
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document, read_xdl
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.file_format.write_xdl import VERSIONS, render_as, render_xdl
+from labweb.domain.recipes.xdl.file_format.xdl_json import parse_json, render_json
+from labweb.domain.recipes.xdl.file_format.xml_tree import (
     Attribute,
     Comment,
     Document,
     Element,
     render_markup,
 )
-from labweb.domain.recipes.xdl.file_format.read import check_document, read_xdl
-from labweb.domain.recipes.xdl.file_format.recipe import Recipe
-from labweb.domain.recipes.xdl.file_format.write import VERSIONS, render_as, render_xdl
 from labweb.domain.recipes.xdl.tables.notation_table import AMOUNTS, NOTATIONS
-from labweb.domain.recipes.xdl.tables.spec import STEPS, Property
+from labweb.domain.recipes.xdl.tables.step_spec import STEPS, Property
 
 VESSELS = ["reactor", "flask 2", "filter"]
 REAGENTS = ["water", "2 N hydrochloric acid", "CH₂Cl₂ <dry> & cold"]

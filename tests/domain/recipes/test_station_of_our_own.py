@@ -18,16 +18,16 @@ from typing import Any
 import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.graph.rig.lab import render_graph
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import execute
-from labweb.domain.proof.plan import parse_plan
-from labweb.domain.recipes.advise.search import Advice, advise
-from labweb.domain.recipes.opening import Asked, open_recipe
-from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.file_format.read import read_xdl
-from labweb.domain.recipes.xdl.lab_choices.declared import bindings, read_declared
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.graph.rig.lab_as_rig import render_graph
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import execute
+from labweb.domain.proof.plan_read import parse_plan
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
+from labweb.domain.recipes.recipe_preview import Asked, open_recipe
+from labweb.domain.recipes.recipe_to_plan import Wish
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import bindings, read_declared
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from tests.domain.recipes.plans import claims, compiled, reasons, recipe, unproved
 from tests.domain.workflows.station import DECLARED, recipe_document, station_file, workflow
 from tests.domain.workflows.station import station as view

@@ -8,10 +8,10 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import execute
-from labweb.domain.proof.matter import NOTHING, Range
-from labweb.domain.proof.plan import parse_plan
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import execute
+from labweb.domain.proof.lot_amount_ranges import NOTHING, Range
+from labweb.domain.proof.plan_read import parse_plan
 from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
 from tests.domain.recipes.plans import check_strokes, compiled
 

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.file_format.read import read_xdl
-from labweb.domain.recipes.xdl.file_format.values import Quantity
-from labweb.domain.recipes.xdl.timing.queues import plan_queues
-from labweb.domain.recipes.xdl.unfolding.acts import Act, in_order
-from labweb.domain.recipes.xdl.unfolding.unfold import unfold
+from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.timing.act_times import plan_queues
+from labweb.domain.recipes.xdl.unfolding.act_order import Act, in_order
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.asking import TEST_TABLE, recipe
 

@@ -9,9 +9,9 @@ import pytest
 
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.errors import UnitError
-from labweb.domain.recipes.xdl.file_format.values import Quantity, read_amount, read_value
+from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity, read_amount, read_value
 from labweb.domain.recipes.xdl.tables import notation_table as table
-from labweb.domain.recipes.xdl.tables.spec import Property
+from labweb.domain.recipes.xdl.tables.step_spec import Property
 from labweb.domain.units import Notation, parse_exact, read_quantity
 from tests.corpus import NO_XDL, XDL
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.recipes.on_rig.steps import gases
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import (
     ATTACHED,
     BENCH,

@@ -17,10 +17,10 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.recipes.on_rig.chemistry import read_chemistry
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import Wish
 from tests.domain.recipes.plans import claims, compiled, recipe, unproved
 from tests.domain.recipes.rigs import chemputer, rig_of
 

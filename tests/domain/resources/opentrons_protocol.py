@@ -7,10 +7,14 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from labweb.domain.resources.labware.deck import DeckDefinition, Slot, parse_opentrons_deck
-from labweb.domain.resources.labware.definition import LabwareDefinition, Vector
-from labweb.domain.resources.labware.opentrons import parse_opentrons
-from labweb.domain.resources.labware.place import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.labware_definition import LabwareDefinition, Vector
+from labweb.domain.resources.labware.labware_pose import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.opentrons_deck import (
+    DeckDefinition,
+    Slot,
+    parse_opentrons_deck,
+)
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
 from labweb.domain.resources.pose import Pose
 from tests.domain.resources.labware_files import OPENTRONS, Json, load
 

@@ -7,10 +7,10 @@ import math
 import pytest
 
 from labweb.domain.errors import DefinitionError, InfeasibleError, NotFoundError
-from labweb.domain.resources.labware.deck import Slot, parse_opentrons_deck
-from labweb.domain.resources.labware.definition import Footprint, LabwareDefinition, Vector
-from labweb.domain.resources.labware.opentrons import parse_opentrons
-from labweb.domain.resources.labware.place import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.labware_definition import Footprint, LabwareDefinition, Vector
+from labweb.domain.resources.labware.labware_pose import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.opentrons_deck import Slot, parse_opentrons_deck
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
 from labweb.domain.resources.pose import Pose, compose
 from tests.domain.resources.labware_files import Json, a_v3_plate, an_opentrons_plate
 

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.errors import DefinitionError
-from labweb.domain.resources.labware.definition import Vector
-from labweb.domain.resources.labware.geometry import volume_ul
-from labweb.domain.resources.labware.part import Part, definition_of, find_bottoms, walk
+from labweb.domain.resources.labware.labware_definition import Vector
+from labweb.domain.resources.labware.labware_parts import Part, definition_of, find_bottoms, walk
 from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
+from labweb.domain.resources.labware.well_geometry import volume_ul
 from tests.corpus import LABWARE, NO_LABWARE
 from tests.domain.resources.labware_files import PYLABROBOT, Json, load, published
 

@@ -8,14 +8,11 @@ from uuid import UUID, uuid5
 import pytest
 
 from labweb.domain.errors import DefinitionError
-from labweb.domain.graph.lab_file.config import check_config
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.labware.definition import Vector
-from labweb.domain.resources.labware.files import read_labware, resources_of
-from labweb.domain.resources.labware.opentrons import parse_opentrons
-from labweb.domain.resources.labware.part import find_bottoms
-from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
-from labweb.domain.resources.labware.rows import (
+from labweb.domain.graph.lab_file.resource_config import check_config
+from labweb.domain.resources.labware.labware_definition import Vector
+from labweb.domain.resources.labware.labware_formats import read_labware, resources_of
+from labweb.domain.resources.labware.labware_parts import find_bottoms
+from labweb.domain.resources.labware.labware_resources import (
     Identity,
     ids_in_labware,
     labware_resources,
@@ -23,9 +20,12 @@ from labweb.domain.resources.labware.rows import (
     tip_id,
     well_id,
 )
-from labweb.domain.resources.node import Resource
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
+from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
 from labweb.domain.resources.pose import Pose, compose, rotate
-from labweb.domain.resources.tree import Tree, check_tree
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import KINDS
+from labweb.domain.resources.resource_tree import Tree, check_tree
 from tests.corpus import LABWARE, NO_LABWARE
 from tests.domain.resources.labware_files import (
     OPENTRONS,

@@ -6,11 +6,11 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.graph.injection import injected
-from labweb.domain.graph.parts_of_roles import SORTS
-from labweb.domain.resources.kinds import KINDS, Nature
-from labweb.domain.resources.places import PLACES, Place, Thing, check_arriving, check_standing
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.graph.device_parts import injected
+from labweb.domain.graph.device_parts_by_role import SORTS
+from labweb.domain.resources.placement import PLACES, Place, Thing, check_arriving, check_standing
+from labweb.domain.resources.resource_kinds import KINDS, Nature
 
 MANY = 50
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.messages import EdgeEvent, event_hash
-from labweb.domain.runs.host_journal.moment import Moment
-from labweb.domain.runs.host_link.clocks import (
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_link.host_clocks import (
     DRIFT_RATIO,
     MOST_ANCHORS,
     Anchor,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.crutd.conditions import (
+from labweb.domain.crutd.pre_and_postconditions import (
     Condition,
     Result,
     Verdict,
@@ -17,8 +17,8 @@ from labweb.domain.crutd.conditions import (
     evaluate,
     unreadable_baselines,
 )
-from labweb.domain.crutd.decide import OutcomeKind
-from labweb.domain.runs.host_journal.edge import ActionState, Report, conclude
+from labweb.domain.crutd.settlement import OutcomeKind
+from labweb.domain.runs.host_journal.action_states import ActionState, Report, conclude
 
 BALANCE, PUMP = UUID(int=1), UUID(int=2)
 PLUNGER = Condition(name="pump.syringe_volume", device_id=PUMP, status="volume_ul", high=0.0)

@@ -7,7 +7,12 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.messages import ChainHead, Signed, canonical
-from labweb.domain.runs.host_journal.countersigning import META, check_head, kept_heads, write_head
+from labweb.domain.runs.host_journal.countersigned_heads import (
+    META,
+    check_head,
+    kept_heads,
+    write_head,
+)
 
 
 class Journal:

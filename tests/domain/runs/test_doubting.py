@@ -9,10 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.calibration.model import Correction, Quantity
-from labweb.domain.runs.after_failure.doubting import Plunger, choices_after, contradiction, measure
-from labweb.domain.runs.after_failure.recovery import Ended
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.calibration.correction import Correction, Quantity
+from labweb.domain.runs.after_failure.doubt_by_readings import (
+    Plunger,
+    choices_after,
+    contradiction,
+    measure,
+)
+from labweb.domain.runs.after_failure.recovery_choices import Ended
+from labweb.domain.runs.states.job_states import JobState
 
 DISPENSE = Plunger(
     action="dispense", asked_nl=5_000_000, before_ul=10_000.0, after_ul=6_500.0, tolerance_ul=10.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.runs.dispatch.duration import Part, span_s
+from labweb.domain.runs.dispatch.job_duration import Part, span_s
 
 
 def part(index: int, takes_s: float, *after: int, device: str = "") -> Part:

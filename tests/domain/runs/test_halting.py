@@ -9,8 +9,9 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.after_failure.recovery import Ended, choices_for
-from labweb.domain.runs.halts.halting import (
+from labweb.domain.runs.after_failure.recovery_choices import Ended, choices_for
+from labweb.domain.runs.halts.device_motion import is_moving, tells_motion
+from labweb.domain.runs.halts.halted_setpoints import (
     Done,
     is_halt_certain,
     may_stand,
@@ -18,9 +19,8 @@ from labweb.domain.runs.halts.halting import (
     still_standing,
     voided,
 )
-from labweb.domain.runs.halts.motion import is_moving, tells_motion
-from labweb.domain.runs.host_journal.edge import Candidate, HostState, decide_start
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.runs.host_journal.action_states import Candidate, HostState, decide_start
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation.memory import BEGINNING, Disk, MemoryWrite
 
 

@@ -18,9 +18,9 @@ from labweb.domain.crutd.operations import (
     TransferResource,
     Update,
 )
-from labweb.domain.runs.exclusive_use import claims as rules
-from labweb.domain.runs.exclusive_use.claims import Claims, Use, Way, claims_of, stand_of
-from labweb.domain.runs.exclusive_use.holding import (
+from labweb.domain.runs.exclusive_use import run_claims as rules
+from labweb.domain.runs.exclusive_use.run_claims import Claims, Use, Way, claims_of, stand_of
+from labweb.domain.runs.exclusive_use.run_holds import (
     Ask,
     Mode,
     Modes,
@@ -33,7 +33,7 @@ from labweb.domain.runs.exclusive_use.holding import (
     modes_of,
     refusal,
 )
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.runs.states.job_states import JobState
 
 
 def thing(number: int) -> UUID:

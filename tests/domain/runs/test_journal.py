@@ -6,7 +6,7 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.host_journal.journal import (
+from labweb.domain.runs.host_journal.journal_rows import (
     Chain,
     JournalError,
     Seal,

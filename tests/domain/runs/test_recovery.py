@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.runs.after_failure.recovery import Wait, run_waits_for, waits_for
-from labweb.domain.runs.halts.halting import LET_GO
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.runs.after_failure.recovery_choices import Wait, run_waits_for, waits_for
+from labweb.domain.runs.halts.halted_setpoints import LET_GO
+from labweb.domain.runs.states.job_states import JobState
 
 
 @pytest.mark.parametrize("state", JobState)

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from labweb.domain.messages import EdgeEvent, Hello, event_hash
-from labweb.domain.runs.host_link.session import (
+from labweb.domain.runs.host_link.host_session import (
     HostRecord,
     SessionState,
     after_hello,

@@ -10,15 +10,15 @@ from itertools import pairwise
 from typing import Any
 from uuid import UUID, uuid5
 
-from labweb.domain.crutd.decide import ResourceState
-from labweb.domain.enrollment.device import Device
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
-from labweb.domain.graph.topology import Connection, Medium, PhysicalGraph, PortRef
+from labweb.domain.crutd.settlement import ResourceState
+from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
+from labweb.domain.graph.ports_and_connections import Connection, Medium, PhysicalGraph, PortRef
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.node import Resource
-from labweb.domain.resources.tree import Tree
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import KINDS
+from labweb.domain.resources.resource_tree import Tree
+from labweb.domain.workflows.compile_workflow import LabView
 
 SPACE = UUID("7a3c1d52-4f7b-5a57-8a4c-2d9b6f2f0c11")
 

@@ -15,12 +15,12 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.workflows.compile import LabView, check_plan, compile_workflow
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.workflows.compile_workflow import LabView, check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.plan_proof.proving import Proof, prove_plan
-from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
+from labweb.domain.workflows.plan_proof.prove_workflow import Proof, prove_plan
+from labweb.domain.workflows.workflow_file import Workflow, parse_workflow, resolve_keys
 from tests.domain.workflows.station import LAB, view_of
 
 WET = {"separator": {"ether": 30_000.0}}

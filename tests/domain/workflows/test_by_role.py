@@ -8,12 +8,12 @@ from uuid import UUID, uuid4
 import msgspec
 import pytest
 
-from labweb.domain.approvals.policy import TemperatureAtLeast, asks
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.runs.dispatch.isolation import find_waiting
-from labweb.domain.runs.dispatch.scheduler import Candidate, JobView, ready, why_passed_by
-from labweb.domain.runs.host_link.session import SessionState
-from labweb.domain.runs.states.job import JobState
+from labweb.domain.approvals.approval_policy import TemperatureAtLeast, asks
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.runs.dispatch.job_scheduler import Candidate, JobView, ready, why_passed_by
+from labweb.domain.runs.dispatch.work_of_absent_host import find_waiting
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState
 from labweb.domain.workflows.plan import Plan, encode
 from tests.domain.workflows.asking import codes_of, findings_of, plan_of
 from tests.domain.workflows.bench import (

@@ -8,9 +8,9 @@ from uuid import UUID
 import msgspec
 import pytest
 
-from labweb.domain.approvals.policy import TemperatureAtLeast, asks
-from labweb.domain.calibration.model import Calibration, Level, Quantity, Standing
-from labweb.domain.enrollment.spec import AccuracySpec
+from labweb.domain.approvals.approval_policy import TemperatureAtLeast, asks
+from labweb.domain.calibration.correction import Calibration, Level, Quantity, Standing
+from labweb.domain.enrollment.driver_spec import AccuracySpec
 from tests.domain.workflows.asking import findings_of, moved_nl, plan_of, the_job
 from tests.domain.workflows.bench import Bench, a_bench, flow, step, transfer
 

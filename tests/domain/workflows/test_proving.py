@@ -21,8 +21,8 @@ from msgspec.structs import replace as changed
 from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.resources.contents import LotId
 from labweb.domain.workflows.plan import Plan, PlannedJob
-from labweb.domain.workflows.plan_proof.claiming import NOT_PROVED
-from labweb.domain.workflows.plan_proof.proving import Proof, prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import Proof, prove_plan
+from labweb.domain.workflows.plan_proof.step_claims import NOT_PROVED
 from tests.domain.workflows.asking import plan_of, read
 from tests.domain.workflows.bench import Bench, a_bench, chain, flow, id_of, step, transfer
 

@@ -9,11 +9,11 @@ import pytest
 from msgspec.structs import replace
 
 from labweb.domain.crutd.operations import Operation, React, TransferLiquid
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob
-from labweb.domain.workflows.plan_proof.claiming import NOT_PROVED
-from labweb.domain.workflows.plan_proof.proving import Proof, prove_plan
-from labweb.domain.workflows.protocol import Workflow
+from labweb.domain.workflows.plan_proof.prove_workflow import Proof, prove_plan
+from labweb.domain.workflows.plan_proof.step_claims import NOT_PROVED
+from labweb.domain.workflows.workflow_file import Workflow
 from tests.domain.workflows.station import recipe_document, station, workflow
 
 MATTER = ("transfer", "separate", "push_gas", "react", "evaporate")

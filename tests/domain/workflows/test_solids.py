@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from labweb.domain.workflows.plan import Plan, Statement
-from labweb.domain.workflows.plan_proof.proving import prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
 from tests.domain.workflows.solids import (
     WET,
     codes,

@@ -12,8 +12,15 @@ from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import scan
 from drivers.load import call_action, read_spec, read_status
 from drivers.readback import CANNOT_TELL
-from labweb.domain.enrollment.kept import Kept, Seen, Sort, kept_by, look, setting_actions
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.enrollment.setpoint_readback import (
+    Kept,
+    Seen,
+    Sort,
+    kept_by,
+    look,
+    setting_actions,
+)
 from labweb.domain.errors import DeviceError, Effect, LabError
 from tests.drivers.conformance.cases import EVERY
 from tests.drivers.conformance.deeds import Deed, deeds_of

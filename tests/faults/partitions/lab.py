@@ -25,7 +25,7 @@ from celery import Celery
 
 from drivers.transports.urls import line_key
 from labweb.domain.messages import Command, Do, EdgeFrame, Events, canonical
-from labweb.domain.runs.host_link.session import SessionState, state_by_silence
+from labweb.domain.runs.host_link.host_session import SessionState, state_by_silence
 from tests.faults.kills.lab import Ledger
 from tests.faults.netns import Net
 from tests.faults.pump import CountingPump

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from labweb.accounts.selectors import User
-from labweb.domain.crutd.deliveries import (
+from labweb.domain.crutd.delivery_table import (
     Delivery,
     Share,
     parse_deliveries,
     render_deliveries,
 )
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.domain.resources.contents import Phase
 from labweb.resources.models import Resource
 from tests.builders import Bench, a_user

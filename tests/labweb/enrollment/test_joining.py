@@ -18,7 +18,7 @@ from pytest_django import Settings
 from labweb.accounts.models import AuditEntry
 from labweb.common import authority
 from labweb.common.clock import now
-from labweb.domain.enrollment.join import Admitted, Ask, Waiting, code_of, parse_token
+from labweb.domain.enrollment.host_join import Admitted, Ask, Waiting, code_of, parse_token
 from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenError, StateError
 from labweb.domain.messages import Refuse
 from labweb.enrollment import selectors, services

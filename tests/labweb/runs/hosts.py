@@ -11,17 +11,17 @@ import msgspec
 from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
-from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
+from labweb.domain.crutd.pre_and_postconditions import Condition, Readings, Result, evaluate
 from labweb.domain.messages import Command, Signed, StopLab, Tick, Welcome
-from labweb.domain.runs.dispatch import relay
-from labweb.domain.runs.halts import halting
-from labweb.domain.runs.host_actions import acting, standing, taking
-from labweb.domain.runs.host_actions.acting import Scene, Started
-from labweb.domain.runs.host_journal import edge
-from labweb.domain.runs.host_journal.edge import ActionState, Report
-from labweb.domain.runs.host_journal.journal import ActionRow
-from labweb.domain.runs.host_journal.meeting import partner_of
-from labweb.domain.runs.host_journal.moment import Moment
+from labweb.domain.runs.dispatch import command_outbox
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
+from labweb.domain.runs.host_actions.action_execution import Scene, Started
+from labweb.domain.runs.host_journal import action_states as edge
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.host_journal.paired_actions import partner_of
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
@@ -62,10 +62,10 @@ class Host:
             devices=served.devices,
         )
         with self.write() as tx:
-            standing.write_welcome(tx, welcome)
-            standing.write_server_clock(tx, welcome.tick, self.now())
+            host_state.write_welcome(tx, welcome)
+            host_state.write_server_clock(tx, welcome.tick, self.now())
         with self.write() as tx:
-            standing.write_armed(tx, "boot", None)
+            host_state.write_armed(tx, "boot", None)
 
     def write(self) -> MemoryWrite:
         return MemoryWrite(self.disk, self.now(), lambda has_appended: None)
@@ -85,7 +85,7 @@ class Host:
             sent = msgspec.structs.replace(sent, at_s=sent.at_s - self.waited_s)
             signed, command = as_sent(row, self.edge.epoch, late_s=self.late_s, sent=sent)
             with self.write() as tx:
-                taking.take_command(
+                command_acceptance.take_command(
                     tx, signed, command, at=self.now(), line_of=lambda device_id: "line"
                 )
 
@@ -105,14 +105,18 @@ class Host:
         for row in (*rows, *(one for one in rows if partner_of(one.do))):
             with self.write() as tx:
                 scene = Scene(pid=1, driver_digest="d", judged=judged(row.do.pre, before))
-                start = acting.start if partner_of(row.do) is None else acting.start_both
+                start = (
+                    action_execution.start
+                    if partner_of(row.do) is None
+                    else action_execution.start_both
+                )
                 found = start(tx, row, row.do, at=self.now(), scene=scene)
             if isinstance(found, Started):
                 amount = row.do.operation.get("amount_nl")
                 done = report or Report(ok=True, moved_nl=amount)
                 self._receive(row)
                 with self.write() as tx:
-                    acting.write_end(tx, row, done, judged(row.do.post, after))
+                    action_execution.write_end(tx, row, done, judged(row.do.post, after))
                 return True
             if found.kind == edge.REJECT:
                 return True
@@ -126,34 +130,36 @@ class Host:
         with self.write() as tx:
             row = tx.action(partner_id)
             assert row is not None
-            acting.write_end(tx, row, Report(ok=True), [])
+            action_execution.write_end(tx, row, Report(ok=True), [])
 
     def begin(self) -> ActionRow:
         """Start the next action that may, and leave it under way."""
         row = self.disk.rows(ActionState.ACCEPTED)[0]
         scene = Scene(pid=1, driver_digest="d")
         with self.write() as tx:
-            assert isinstance(acting.start(tx, row, row.do, at=self.now(), scene=scene), Started)
+            assert isinstance(
+                action_execution.start(tx, row, row.do, at=self.now(), scene=scene), Started
+            )
         return row
 
     def end(self, row: ActionRow, report: Report, *, is_halted: bool = False) -> None:
         """End an action that is under way."""
         if is_halted:
             with self.write() as tx:
-                halting.write_halt(tx, row, halting.WITH_ACTION)
+                halted_setpoints.write_halt(tx, row, halted_setpoints.WITH_ACTION)
         with self.write() as tx:
-            acting.write_end(tx, row, report, [])
+            action_execution.write_end(tx, row, report, [])
 
     def stop(self, stop_id: UUID) -> None:
         """Take the word that the lab is stopped."""
         with self.write() as tx:
-            standing.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
+            host_state.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
 
     def halt_owed(self) -> None:
         """Halt what is owed a halt, as the processes of the lines do once a device answers."""
         for device_id in sorted(self.disk.host_state("").owes_halt):
             with self.write() as tx:
-                halting.write_late_halt(
+                halted_setpoints.write_late_halt(
                     tx, UUID(device_id), "its device was halted, and stands", {}
                 )
 
@@ -192,10 +198,12 @@ def as_sent(
         return Signed(body=body, key_id="k", signature="")
 
     if row.kind == "batch":
-        draft = msgspec.convert(row.body, relay.BatchDraft)
-        command: Command = relay.signed_batch(draft, epoch, sign, at=at, sent=sent)
+        draft = msgspec.convert(row.body, command_outbox.BatchDraft)
+        command: Command = command_outbox.signed_batch(draft, epoch, sign, at=at, sent=sent)
     else:
-        command = relay.stamped(msgspec.convert(row.body, Command), epoch, at=at, sent=sent)
+        command = command_outbox.stamped(
+            msgspec.convert(row.body, Command), epoch, at=at, sent=sent
+        )
     return sign(command), command
 
 

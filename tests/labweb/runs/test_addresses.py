@@ -8,7 +8,7 @@ import pytest
 
 from drivers.load import read_spec
 from drivers.transports.urls import make_transport
-from labweb.domain.graph.lab_file.model import DeviceEntry, Simulator
+from labweb.domain.graph.lab_file.lab_model import DeviceEntry, Simulator
 from labweb.runs.services.seed import transport_urls
 
 ADDRESSES = [

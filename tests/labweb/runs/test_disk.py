@@ -11,7 +11,7 @@ from redis.exceptions import ResponseError
 
 from labweb.api.errors import is_short_of_room
 from labweb.common import disk
-from labweb.domain.disk import Disk
+from labweb.domain.disk_space import Disk
 from labweb.domain.errors import PreconditionError
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost

@@ -9,10 +9,10 @@ import pytest
 from django.test import Client
 from msgspec.structs import replace
 
-from labweb.domain.workflows import compile as compiling
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows import compile_workflow as compiling
+from labweb.domain.workflows.passes.lab_view import LabView
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.protocol import Workflow
+from labweb.domain.workflows.workflow_file import Workflow
 from labweb.runs.models import Job, Run
 from labweb.runs.services import previewing
 from tests.builders import HEAT, MOVE_WATER, Bench, a_started_run

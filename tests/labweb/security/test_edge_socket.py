@@ -15,7 +15,7 @@ from asgiref.sync import sync_to_async
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from labweb.crutd.models import Ticket
-from labweb.domain.files import FileOffer, FilePart
+from labweb.domain.action_files import FileOffer, FilePart
 from labweb.domain.messages import (
     PROTOCOL_VERSION,
     Ask,

@@ -13,7 +13,7 @@ from django.test import Client
 from pytest_django import DjangoAssertNumQueries
 
 from labweb.domain.messages import TelemetryGap
-from labweb.domain.telemetry import LEVELS_S
+from labweb.domain.telemetry_resolution import LEVELS_S
 from labweb.telemetry import services
 from labweb.telemetry.services import exporting, rolling
 from tests.builders import Bench

@@ -15,7 +15,7 @@ from django.test import Client
 from labweb.accounts.models import User
 from labweb.common.recipes import __main__ as process
 from labweb.domain.errors import LockedError
-from labweb.domain.recipes.opening import Asked
+from labweb.domain.recipes.recipe_preview import Asked
 from labweb.workflows.models import Workflow, WorkflowVersion
 from labweb.workflows.services import recipes
 from tests.builders import Bench

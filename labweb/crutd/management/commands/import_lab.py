@@ -16,10 +16,10 @@ from django.core.management.base import BaseCommand, CommandError
 from labweb.common.bulk import without_collector
 from labweb.crutd.services import check_time_zone, import_lab
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.uni_lab_os.report import report
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import read_binding
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.uni_lab_os.import_report import report
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Document, Format
 
 BINDINGS = Path(__file__).parents[4] / "fixtures" / "bindings"
 

@@ -16,13 +16,13 @@ from django.db.transaction import atomic, set_rollback
 
 from labweb.crutd.services import import_labware
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.guard import decode_json
-from labweb.domain.graph.lab_file.model import entry_id
-from labweb.domain.resources.labware.files import LabwareFile, read_labware, resources_of
-from labweb.domain.resources.labware.rows import Identity
-from labweb.domain.resources.node import Resource
-from labweb.domain.resources.places import check_places
-from labweb.domain.resources.tree import Tree
+from labweb.domain.graph.lab_file.lab_model import entry_id
+from labweb.domain.graph.lab_file.untrusted_json import decode_json
+from labweb.domain.resources.labware.labware_formats import LabwareFile, read_labware, resources_of
+from labweb.domain.resources.labware.labware_resources import Identity
+from labweb.domain.resources.placement import check_places
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_tree import Tree
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

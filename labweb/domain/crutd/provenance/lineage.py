@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
+from labweb.domain.crutd.provenance.ledger_flows import Flow, is_nominal, is_reaction
 
 FOREVER = 2**62
 """Later than every flow."""
@@ -24,7 +24,7 @@ class Page:
     """Every flow into and out of them, in ledger order."""
 
     unread: frozenset[str] = frozenset()
-    """Accounts with more flows than may be read; of these `flows` holds none."""
+    """Accounts with more flows than may be read; of these `ledger_flows` holds none."""
 
 
 History = Callable[[Collection[str]], Page]

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from labweb.domain.crutd.provenance.names import PROV
-from labweb.domain.crutd.provenance.prov_read import Document, Statement
-from labweb.domain.crutd.provenance.prov_table import SHAPES
+from labweb.domain.crutd.provenance.prov_json_read import Document, Statement
+from labweb.domain.crutd.provenance.prov_records_table import SHAPES
+from labweb.domain.crutd.provenance.qualified_names import PROV
 from labweb.domain.errors import Finding
 
 _BASIC = frozenset(

@@ -11,7 +11,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.guard import MAX_BYTES, MAX_NODES, decode_json, refuse
+from labweb.domain.graph.lab_file.untrusted_json import MAX_BYTES, MAX_NODES, decode_json, refuse
 
 GRAPHML = "http://graphml.graphdrawing.org/xmlns"
 YED = "http://www.yworks.com/xml/graphml"

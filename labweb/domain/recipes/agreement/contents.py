@@ -11,8 +11,8 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.workflows.passes.lab_view import LabView
 
 Proved = Mapping[str, Any]
 """`recipe_sha256`, `graph_sha256`, and `sources`: resource id → `reagent` of the recipe and the

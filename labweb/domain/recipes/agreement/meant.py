@@ -8,7 +8,7 @@ from typing import Any
 from labweb.domain.recipes.agreement import deeds
 from labweb.domain.recipes.agreement.deeds import Deed, Place, Standing, Way
 from labweb.domain.units import parse, parse_mass_ug, parse_volume_nl
-from labweb.domain.workflows.unit_operations.steps import called
+from labweb.domain.workflows.unit_operations.step_palette import called
 from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 _KPA_TO_MBAR = 10

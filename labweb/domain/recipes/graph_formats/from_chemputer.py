@@ -7,11 +7,11 @@ from typing import Any
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.lab_file.entries import SCHEMA
-from labweb.domain.graph.rig.elements import decimal, volume_nl
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.loss import LABWEB, lost, unheld
+from labweb.domain.graph.lab_file.lab_json_entries import SCHEMA
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.nodes_as_elements import decimal, volume_nl
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.recipes.graph_formats.conversion_loss import LABWEB, lost, unheld
 from labweb.domain.recipes.on_rig.equipment import (
     COLLECT,
     Equipment,
@@ -19,7 +19,7 @@ from labweb.domain.recipes.on_rig.equipment import (
     Thermostat,
     is_passive,
 )
-from labweb.domain.resources.kinds import VACUUMS
+from labweb.domain.resources.resource_kinds import VACUUMS
 
 _NL_PER_UL = 1000
 _VALVE_PORTS = 6

@@ -11,10 +11,10 @@ from typing import Any
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.rig.classes import chemputer_sort, instrument_sort
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.loss import CHEMPUTER, lost
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.node_classes import chemputer_sort, instrument_sort
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.recipes.graph_formats.conversion_loss import CHEMPUTER, lost
 from labweb.domain.recipes.on_rig.equipment import CARRIES, COLLECT, Equipment, Sort, is_passive
 
 _NL_PER_ML = 1_000_000

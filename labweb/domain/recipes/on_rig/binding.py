@@ -9,10 +9,10 @@ from decimal import Decimal
 from labweb.domain.errors import Finding
 from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
 from labweb.domain.recipes.on_rig.labels import LISTED, alike, held
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Kind
 from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
-from labweb.domain.recipes.xdl.file_format.markup import NOWHERE, Place
-from labweb.domain.recipes.xdl.file_format.recipe import Component, Procedure, Reagent
+from labweb.domain.recipes.xdl.file_format.recipe_model import Component, Procedure, Reagent
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, Place
 
 _VESSEL_FIELDS = ("vessel", "source", "target", "lower_to", "upper_to")
 _REAGENT_FIELDS = {

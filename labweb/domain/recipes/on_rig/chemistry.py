@@ -10,7 +10,7 @@ from labweb.domain.errors import Finding
 from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
 from labweb.domain.recipes.on_rig.stated import Stated, check_materials, materials_in, words_at
 from labweb.domain.recipes.xdl.file_format.findings import nearest
-from labweb.domain.recipes.xdl.file_format.recipe import Reagent
+from labweb.domain.recipes.xdl.file_format.recipe_model import Reagent
 from labweb.domain.resources.compatibility_table import CONFLICTS, STREAMS
 from labweb.domain.resources.substances_table import SUBSTANCES
 

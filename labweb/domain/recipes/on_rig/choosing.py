@@ -6,8 +6,8 @@ from labweb.domain.recipes.on_rig.equipment import Sort
 from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.wastes import choose_waste
 from labweb.domain.recipes.on_rig.ways import chain_of
-from labweb.domain.recipes.xdl.expansion.basic import BUFFER, KEPT, WASTE
-from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.recipes.xdl.expansion.basic_operations import BUFFER, KEPT, WASTE
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
 
 
 def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "") -> str | None:

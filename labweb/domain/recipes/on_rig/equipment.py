@@ -12,10 +12,10 @@ from itertools import product
 from typing import Any
 
 from labweb.domain.graph.elements import NL_PER_UL, Element, Role
-from labweb.domain.graph.rig.elements import decimal, volume_nl
-from labweb.domain.graph.rig.model import Rig, RigFormat
-from labweb.domain.graph.rig.volumes import level_nl, listed_nl
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.nodes_as_elements import decimal, volume_nl
+from labweb.domain.graph.rig.rig_model import Rig, RigFormat
+from labweb.domain.graph.rig.stated_volumes import level_nl, listed_nl
 
 COLLECT = "collect"
 """Port of a rotary evaporator that its collecting flask is drawn from."""

@@ -18,11 +18,11 @@ from labweb.domain.recipes.on_rig.meetings import (
     Pour,
     kept_of,
 )
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
-from labweb.domain.recipes.xdl.expansion.reading import default_number
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
 from labweb.domain.recipes.xdl.file_format.findings import Findings
-from labweb.domain.recipes.xdl.file_format.markup import NOWHERE, Place
-from labweb.domain.workflows.passes.liquids.backbone import Command, Group
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, Place
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import Command, Group
 from labweb.domain.workflows.passes.liquids.strokes import TURN_S
 
 BY_HAND, TIMER = "@by_hand", "@timer"

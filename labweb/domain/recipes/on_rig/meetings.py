@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from labweb.domain.recipes.on_rig.matter import Key, Portion
-from labweb.domain.recipes.xdl.expansion.reading import default_number
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
 
 Amount = Fraction | int | float
 Amounts = Mapping[Key, Amount]

@@ -14,9 +14,9 @@ from labweb.domain.recipes.on_rig.matter import Portion, exactly, micro
 from labweb.domain.recipes.on_rig.meetings import most_of
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
 from labweb.domain.recipes.on_rig.ways import Move, route
-from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
 from labweb.domain.units import render_volume
-from labweb.domain.workflows.passes.liquids.backbone import Command, Group
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import Command, Group
 
 NL_PER_ML = 1_000_000
 GRAINS = NL_PER_ML

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from labweb.domain.graph.chain import Chain
-from labweb.domain.graph.network import Hop
+from labweb.domain.graph.port_network import Hop
+from labweb.domain.graph.syringe_chain import Chain
 from labweb.domain.recipes.on_rig.equipment import INERT, Sort
 from labweb.domain.recipes.on_rig.making import Making, used_parts
 from labweb.domain.recipes.on_rig.matter import micro
@@ -17,7 +17,7 @@ from labweb.domain.recipes.on_rig.moving import move_volume, rejoin
 from labweb.domain.recipes.on_rig.rinsing import clear, rinse
 from labweb.domain.recipes.on_rig.wastes import choose_waste
 from labweb.domain.recipes.on_rig.ways import Move, chain_of, route
-from labweb.domain.recipes.xdl.expansion.reading import default_number
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
 from labweb.domain.units import render_volume
 
 _TUBE_VOLUMES = int(default_number("prime.tube_volumes"))

@@ -24,9 +24,9 @@ from labweb.domain.recipes.on_rig.wastes import (
     tell_trace,
 )
 from labweb.domain.recipes.on_rig.ways import Move, chain_of, parts_of, route
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
-from labweb.domain.recipes.xdl.expansion.reading import default_number
-from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
 
 
 def rinse_lines(making: Making, operation: BasicOperation) -> None:

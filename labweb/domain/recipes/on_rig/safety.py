@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.steps import conditions, gases, instruments
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Kind
 
 _STOPS = {
     "light": (Kind.STOP_LIGHT, conditions.stop_light),

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from labweb.domain.recipes.on_rig.making import BESIDE, Draft
 from labweb.domain.recipes.xdl.file_format.findings import Findings
-from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
 
 MOST_S = 1e9
 """No plan takes longer than 31 years."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from math import inf
 
-from labweb.domain.graph.chain import Chain
+from labweb.domain.graph.syringe_chain import Chain
 from labweb.domain.recipes.on_rig.chemistry import Clash
 from labweb.domain.recipes.on_rig.equipment import Sort
 from labweb.domain.recipes.on_rig.making import Making
@@ -13,7 +13,7 @@ from labweb.domain.recipes.on_rig.matter import Key, Portion
 from labweb.domain.recipes.on_rig.matter import lots as names
 from labweb.domain.recipes.on_rig.meetings import NO_FILM, Pour, most_of
 from labweb.domain.recipes.on_rig.ways import Move, chain_of, parts_of
-from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
 
 
 def choose_waste(

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.chain import Chain, Wanted, find_chain
+from labweb.domain.graph.syringe_chain import Chain, Wanted, find_chain
 from labweb.domain.recipes.on_rig.equipment import COLLECT, Sort
 from labweb.domain.recipes.on_rig.making import Making, used_parts
-from labweb.domain.recipes.rig_transfers import TransferRequest, plan_on_rig
-from labweb.domain.recipes.xdl.file_format.markup import Place
-from labweb.domain.workflows.passes.liquids.backbone import Group
+from labweb.domain.recipes.transfers_on_rig import TransferRequest, plan_on_rig
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import Group
 
 _ANY_NL = 1_000
 """Which way it is does not hang on how much goes over."""

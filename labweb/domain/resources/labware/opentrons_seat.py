@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from labweb.domain.resources.labware.definition import Footprint, Seat, Vector
-from labweb.domain.resources.labware.reader import FARTHEST_MM, Reader
+from labweb.domain.resources.labware.foreign_json import FARTHEST_MM, Reader
+from labweb.domain.resources.labware.labware_definition import Footprint, Seat, Vector
 
 MAX_OFFSETS = 10_000
 

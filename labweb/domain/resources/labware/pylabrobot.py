@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from labweb.domain.errors import Finding
-from labweb.domain.resources.labware.definition import ZERO, TipDefinition, Vector
-from labweb.domain.resources.labware.geometry import MAX_SECTIONS, Cavity, Table, check_cavity
-from labweb.domain.resources.labware.part import Part
-from labweb.domain.resources.labware.reader import FARTHEST_MM, Reader, open_reader
+from labweb.domain.resources.labware.foreign_json import FARTHEST_MM, Reader, open_reader
+from labweb.domain.resources.labware.labware_definition import ZERO, TipDefinition, Vector
+from labweb.domain.resources.labware.labware_parts import Part
+from labweb.domain.resources.labware.well_geometry import MAX_SECTIONS, Cavity, Table, check_cavity
 from labweb.domain.resources.pose import Pose, Quaternion, turn
 
 MAX_PARTS = 100_000

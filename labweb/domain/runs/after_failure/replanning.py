@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from labweb.domain.errors import StateError
-from labweb.domain.runs.states.job import AT_EDGE, UNSTARTED, JobState
+from labweb.domain.runs.states.job_states import AT_EDGE, UNSTARTED, JobState
 
 _UNDER_WAY = AT_EDGE | {JobState.IN_DOUBT}
 _BARE = frozenset({"device_action", "role_action"})

@@ -13,13 +13,13 @@ from django.core.management.base import CommandError
 
 from labweb.common.clock import SystemClock
 from labweb.domain.errors import Finding, LabError, LabFileError, UnitError
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.advise.search import Advice, advise
-from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
-from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.as_workflow.to_workflow import parse_pairs
-from labweb.domain.recipes.xdl.file_format.markup import MAX_BYTES
-from labweb.domain.recipes.xdl.lab_choices.declared import bindings, read_declared
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
+from labweb.domain.recipes.compile_recipe_file import digest, plan_recipe, read_recipe
+from labweb.domain.recipes.recipe_to_plan import Wish
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import parse_pairs
+from labweb.domain.recipes.xdl.file_format.xml_tree import MAX_BYTES
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import bindings, read_declared
 from labweb.domain.units import parse_volume_nl
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import MANY, FileCommand

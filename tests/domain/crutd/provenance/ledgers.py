@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from labweb.domain.crutd.provenance.flows import Flow
+from labweb.domain.crutd.provenance.ledger_flows import Flow
 from labweb.domain.crutd.provenance.lineage import History, Page
 from labweb.domain.resources.contents import LotId, take
 

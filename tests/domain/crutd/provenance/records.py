@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.crutd.provenance.facts import (
+from labweb.domain.crutd.provenance.ledger_flows import Flow
+from labweb.domain.crutd.provenance.recorded_facts import (
     DecisionFact,
     DeviceFact,
     FileFact,
@@ -15,7 +16,6 @@ from labweb.domain.crutd.provenance.facts import (
     RunFact,
     TransactionFact,
 )
-from labweb.domain.crutd.provenance.flows import Flow
 from tests.domain.crutd.provenance.ledgers import flow
 
 LAB = "0190a000-0000-7000-8000-000000000000"

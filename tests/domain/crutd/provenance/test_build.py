@@ -6,9 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from labweb.domain.crutd.provenance.build import build_graph
-from labweb.domain.crutd.provenance.graph import Bond, Kind, Node, Relation, make_graph, redacted
-from labweb.domain.crutd.provenance.views import to_dot, to_json, to_rows
+from labweb.domain.crutd.provenance.graph_from_record import build_graph
+from labweb.domain.crutd.provenance.graph_views import to_dot, to_json, to_rows
+from labweb.domain.crutd.provenance.provenance_graph import (
+    Bond,
+    Kind,
+    Node,
+    Relation,
+    make_graph,
+    redacted,
+)
 from tests.domain.crutd.provenance.records import RECORD, TRANSACTIONS, at
 
 GRAPH = build_graph(RECORD)

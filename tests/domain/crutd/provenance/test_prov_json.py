@@ -11,8 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from prov.model import ProvDocument
 
-from labweb.domain.crutd.provenance.build import build_graph
-from labweb.domain.crutd.provenance.graph import (
+from labweb.domain.crutd.provenance.graph_from_record import build_graph
+from labweb.domain.crutd.provenance.prov_check import check_prov
+from labweb.domain.crutd.provenance.prov_json_read import Statement, read_prov
+from labweb.domain.crutd.provenance.prov_json_write import VOCABULARY, render_prov
+from labweb.domain.crutd.provenance.provenance_graph import (
     ENDS,
     Bond,
     Graph,
@@ -21,10 +24,7 @@ from labweb.domain.crutd.provenance.graph import (
     Relation,
     make_graph,
 )
-from labweb.domain.crutd.provenance.names import escape, unescape
-from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_json import VOCABULARY, render_prov
-from labweb.domain.crutd.provenance.prov_read import Statement, read_prov
+from labweb.domain.crutd.provenance.qualified_names import escape, unescape
 from labweb.domain.errors import DefinitionError, Finding
 from tests.domain.crutd.provenance.records import LAB, RECORD, at
 

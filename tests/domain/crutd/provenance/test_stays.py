@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.crutd.provenance.stays import Move, Stay, clipped, stays_at
+from labweb.domain.crutd.provenance.stays_at_places import Move, Stay, clipped, stays_at
 
 
 def hour(number: int) -> datetime:

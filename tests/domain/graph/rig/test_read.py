@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from labweb.domain.errors import LabFileError
 from labweb.domain.graph.elements import Role
-from labweb.domain.graph.rig.model import Rig, RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.rig_model import Rig, RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.rig_write import write_rig
 from tests.corpus import GRAPHS, NO_XDL, XDL
 
 ROOT = Path(__file__).parents[4]

@@ -9,9 +9,9 @@ from labweb.domain.recipes.on_rig.equipment import Sort, Thermostat
 from labweb.domain.recipes.on_rig.making import BESIDE, BY_HAND, TIMER, Making, estimate, say
 from labweb.domain.recipes.on_rig.meetings import most_of
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
-from labweb.domain.recipes.xdl.file_format.markup import Place
-from labweb.domain.workflows.passes.liquids.backbone import Group
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import Group
 
 RAMP_C_S = 2 / 60
 """Estimate: vessels warm and cool by 2 °C a minute."""

@@ -18,9 +18,9 @@ from labweb.domain.recipes.on_rig.making import Making, say
 from labweb.domain.recipes.on_rig.moving import move_all
 from labweb.domain.recipes.on_rig.steps.conditions import number
 from labweb.domain.recipes.on_rig.ways import Move
-from labweb.domain.recipes.xdl.expansion.basic import INERT_GAS, WASTE, BasicOperation
-from labweb.domain.recipes.xdl.file_format.markup import NOWHERE, Place
-from labweb.domain.workflows.passes.liquids.backbone import Command, Group
+from labweb.domain.recipes.xdl.expansion.basic_operations import INERT_GAS, WASTE, BasicOperation
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, Place
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import Command, Group
 
 
 def start_vacuum(making: Making, operation: BasicOperation) -> None:

@@ -12,7 +12,7 @@ from labweb.domain.recipes.on_rig.moving import is_under_vacuum, look_for_room
 from labweb.domain.recipes.on_rig.steps.conditions import above_zero, number
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
 from labweb.domain.recipes.on_rig.ways import Move
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
 
 _SOUND = re.compile(r"ultra_?so|sonic")
 _MICROWAVE = re.compile(r"microwave")

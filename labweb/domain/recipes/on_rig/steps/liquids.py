@@ -22,8 +22,8 @@ from labweb.domain.recipes.on_rig.priming import prime, recover
 from labweb.domain.recipes.on_rig.rinsing import rinse
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
 from labweb.domain.recipes.on_rig.ways import Move, chain_of
-from labweb.domain.recipes.xdl.expansion.basic import KEPT, BasicOperation
-from labweb.domain.recipes.xdl.unfolding.twice import rate_of
+from labweb.domain.recipes.xdl.expansion.basic_operations import KEPT, BasicOperation
+from labweb.domain.recipes.xdl.unfolding.amounts_said_twice import rate_of
 from labweb.domain.units import render_volume, steady
 
 _UL_S_PER_ML_MIN = Decimal(1000) / Decimal(60)

@@ -23,9 +23,9 @@ from labweb.domain.recipes.on_rig.rinsing import clear, rinse
 from labweb.domain.recipes.on_rig.steps.liquids import port_of, rates_of
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
 from labweb.domain.recipes.on_rig.ways import Move, route
-from labweb.domain.recipes.xdl.expansion.basic import BUFFER, WASTE, BasicOperation
-from labweb.domain.recipes.xdl.file_format.markup import Place
-from labweb.domain.workflows.passes.liquids.backbone import Command, Group
+from labweb.domain.recipes.xdl.expansion.basic_operations import BUFFER, WASTE, BasicOperation
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import Command, Group
 
 
 def draw_filtrate(making: Making, operation: BasicOperation) -> None:

@@ -10,8 +10,8 @@ from labweb.domain.recipes.on_rig.matter import Key, Matter
 from labweb.domain.recipes.on_rig.meetings import Film, Meetings
 from labweb.domain.recipes.on_rig.steps import liquids
 from labweb.domain.recipes.on_rig.steps.conditions import number, read, wait
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
-from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Kind
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
 
 MOST_ROUNDS = 100
 """Most rounds that a plan is written out for."""

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
-from labweb.domain.recipes.xdl.expansion.basic import (
+from labweb.domain.recipes.xdl.expansion.act_reading import ActReading
+from labweb.domain.recipes.xdl.expansion.basic_operations import (
     BUFFER,
     KEPT,
     WASTE,
@@ -20,18 +21,17 @@ from labweb.domain.recipes.xdl.expansion.basic import (
     Field,
     Kind,
 )
-from labweb.domain.recipes.xdl.expansion.heeded import Heeded
 from labweb.domain.recipes.xdl.expansion.operations_table import OPERATIONS
-from labweb.domain.recipes.xdl.expansion.reading import ActReading
+from labweb.domain.recipes.xdl.expansion.unread_properties import Heeded
 from labweb.domain.recipes.xdl.file_format.findings import Findings
-from labweb.domain.recipes.xdl.lab_choices.chosen import Chosen
-from labweb.domain.recipes.xdl.lab_choices.declared import Declared, all_of, stated_at
+from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import Chosen
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
-from labweb.domain.recipes.xdl.timing.standing import Made, Standing
-from labweb.domain.recipes.xdl.unfolding.acts import Act
-from labweb.domain.recipes.xdl.unfolding.twice import are_alike, rate_of
+from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, Standing
+from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.unfolding.amounts_said_twice import are_alike, rate_of
 from labweb.domain.units import steady
-from labweb.domain.workflows.passes.roles import HEAT_TOLERANCE_C
+from labweb.domain.workflows.passes.role_requirements import HEAT_TOLERANCE_C
 from labweb.domain.workflows.unit_operations.person_steps import LONGEST_QUESTION
 from labweb.domain.workflows.unit_operations.unit_operation import ALL
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from labweb.domain.recipes.xdl.expansion.basic import WASTE
+from labweb.domain.recipes.xdl.expansion.basic_operations import WASTE
+from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity
 from labweb.domain.recipes.xdl.file_format.findings import Findings
-from labweb.domain.recipes.xdl.file_format.values import Quantity
-from labweb.domain.recipes.xdl.lab_choices.chosen import Chosen
-from labweb.domain.recipes.xdl.lab_choices.declared import Declared, all_of, stated_at
+from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import Chosen
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
-from labweb.domain.recipes.xdl.timing.standing import Made, Standing
-from labweb.domain.recipes.xdl.unfolding.acts import Act
+from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, Standing
+from labweb.domain.recipes.xdl.unfolding.act_order import Act
 from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 SAID: Mapping[str, frozenset[str]] = {

@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Field, Kind
+from labweb.domain.recipes.xdl.expansion.act_reading import ActReading
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Field, Kind
 from labweb.domain.recipes.xdl.expansion.operations_table import OPERATIONS
-from labweb.domain.recipes.xdl.expansion.reading import ActReading
 from labweb.domain.recipes.xdl.file_format.findings import Findings
-from labweb.domain.recipes.xdl.file_format.read import refusal
-from labweb.domain.recipes.xdl.unfolding.acts import Act
+from labweb.domain.recipes.xdl.file_format.read_xdl import refusal
+from labweb.domain.recipes.xdl.unfolding.act_order import Act
 
 _OFF = {
     Kind.START_STIR: Kind.STOP_STIR,

@@ -6,9 +6,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from labweb.domain.recipes.xdl.expansion import adding, conditioning, isolating
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Effect
-from labweb.domain.recipes.xdl.expansion.reading import ActReading
+from labweb.domain.recipes.xdl.expansion import (
+    add_and_transfer,
+    separate_and_purify,
+    stir_heat_light_gas,
+)
+from labweb.domain.recipes.xdl.expansion.act_reading import ActReading
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Effect
 
 
 class Need(StrEnum):
@@ -96,7 +100,7 @@ class Operation:
 
 
 _N, _S, _H, _E = Need, State, Hazard, Effect
-_a, _c, _i = adding, conditioning, isolating
+_a, _c, _i = add_and_transfer, stir_heat_light_gas, separate_and_purify
 _HEATING = (_H.HOT, _H.OVERPRESSURE, _H.FIRE, _H.COLD)
 _HEAT_NEEDS = (_N.THERMOSTAT, _N.STIRRER)
 _SUCK = (_N.FILTER, _N.VACUUM)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 from labweb.domain.errors import Finding
-from labweb.domain.recipes.xdl.file_format.markup import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import Place
 
 
 class Findings:

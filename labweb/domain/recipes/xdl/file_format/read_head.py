@@ -6,11 +6,22 @@ from collections import Counter
 from collections.abc import Mapping
 
 from labweb.domain.errors import UnitError
+from labweb.domain.recipes.xdl.file_format.attribute_values import Value, read_amount, read_value
 from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
-from labweb.domain.recipes.xdl.file_format.markup import Attribute, Element
-from labweb.domain.recipes.xdl.file_format.recipe import Component, Parameter, Procedure, Reagent
-from labweb.domain.recipes.xdl.file_format.values import Value, read_amount, read_value
-from labweb.domain.recipes.xdl.tables.spec import COMPONENT, METADATA, PARAMETER, REAGENT, Property
+from labweb.domain.recipes.xdl.file_format.recipe_model import (
+    Component,
+    Parameter,
+    Procedure,
+    Reagent,
+)
+from labweb.domain.recipes.xdl.file_format.xml_tree import Attribute, Element
+from labweb.domain.recipes.xdl.tables.step_spec import (
+    COMPONENT,
+    METADATA,
+    PARAMETER,
+    REAGENT,
+    Property,
+)
 from labweb.domain.recipes.xdl.tables.step_table import EARLY_COMPONENTS, PARAMETER_TYPES
 
 _HABITS = (

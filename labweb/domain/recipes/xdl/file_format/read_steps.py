@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from labweb.domain.recipes.xdl.file_format.attribute_values import ParameterName, Value
 from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
-from labweb.domain.recipes.xdl.file_format.markup import Attribute, Element
+from labweb.domain.recipes.xdl.file_format.names_in_scope import HARDWARE, REAGENT, Missed, Scope
 from labweb.domain.recipes.xdl.file_format.read_head import read_attribute
-from labweb.domain.recipes.xdl.file_format.recipe import Procedure, Step
-from labweb.domain.recipes.xdl.file_format.scope import HARDWARE, REAGENT, Missed, Scope
-from labweb.domain.recipes.xdl.file_format.values import ParameterName, Value
-from labweb.domain.recipes.xdl.tables.spec import COMPONENT, Property, StepSpec, StepTable
-from labweb.domain.recipes.xdl.tables.spec import REAGENT as REAGENT_PROPERTIES
+from labweb.domain.recipes.xdl.file_format.recipe_model import Procedure, Step
+from labweb.domain.recipes.xdl.file_format.xml_tree import Attribute, Element
+from labweb.domain.recipes.xdl.tables.step_spec import COMPONENT, Property, StepSpec, StepTable
+from labweb.domain.recipes.xdl.tables.step_spec import REAGENT as REAGENT_PROPERTIES
 from labweb.domain.recipes.xdl.tables.step_table import RENAMED_VALUES, SECTIONS
 
 _AMOUNT_SORTS = frozenset({"amount", "amount_or_all", "volume_or_all"})

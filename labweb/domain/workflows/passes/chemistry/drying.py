@@ -13,18 +13,18 @@ from uuid import UUID
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse, render_volume
-from labweb.domain.workflows.passes.chemistry.boiling import (
+from labweb.domain.workflows.passes.chemistry.evaporation import (
     PRESSURE_TOLERANCE_RATIO,
     PUMP_DOWN_S,
     VENT_S,
     condensed,
 )
-from labweb.domain.workflows.passes.chemistry.evacuating import Vacuum, find_vacuum
-from labweb.domain.workflows.passes.chemistry.layering import stated_lots
-from labweb.domain.workflows.passes.devices.acting import draft_of, wait_job
-from labweb.domain.workflows.passes.devices.serving import condenses
-from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.passes.chemistry.phase_separation import stated_lots
+from labweb.domain.workflows.passes.chemistry.vacuum_source import Vacuum, find_vacuum
+from labweb.domain.workflows.passes.devices.device_of_vessel import condenses
+from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import draft_of, wait_job
+from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, DraftStep
+from labweb.domain.workflows.workflow_file import Step
 
 _OFF = "dries_off"
 

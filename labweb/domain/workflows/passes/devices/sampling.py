@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.domain.crutd.operations import Dispose
-from labweb.domain.enrollment.device import Device
-from labweb.domain.enrollment.spec import ActionSpec
-from labweb.domain.workflows.passes.draft import Drafting, DraftJob
-from labweb.domain.workflows.protocol import Step
+from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.driver_spec import ActionSpec
+from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob
+from labweb.domain.workflows.workflow_file import Step
 
 INJECTION = "injection_ul"
 """Argument of an action that draws so much from its sample, for good."""

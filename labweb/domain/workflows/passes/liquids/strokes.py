@@ -6,15 +6,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from uuid import UUID
 
-from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation, TransferLiquid, Update
-from labweb.domain.enrollment.device import Device
+from labweb.domain.crutd.pre_and_postconditions import Condition
+from labweb.domain.enrollment.admitted_device import Device
 from labweb.domain.units import parse, render_volume
-from labweb.domain.workflows.passes.devices.correcting import largest_stroke_nl
-from labweb.domain.workflows.passes.draft import Drafting, DraftJob, MassCheck
-from labweb.domain.workflows.passes.liquids.pumping import Leg, Turn
-from labweb.domain.workflows.passes.roles import setting
-from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.passes.devices.calibration_correction import largest_stroke_nl
+from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, MassCheck
+from labweb.domain.workflows.passes.liquids.pump_choice import Leg, Turn
+from labweb.domain.workflows.passes.role_requirements import setting
+from labweb.domain.workflows.workflow_file import Step
 
 FULL_STROKE_S = 20.0
 """Without a flow rate, a full syringe takes this long, or the pump's fastest if longer."""

@@ -7,17 +7,17 @@ from uuid import UUID
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
-from labweb.domain.workflows.passes.confirming import MAY_STAY_UNCONFIRMED, may_confirm
-from labweb.domain.workflows.passes.draft import Drafting, DraftStep, MassCheck
-from labweb.domain.workflows.passes.liquids.chaining import choose_way, make_passes
-from labweb.domain.workflows.passes.liquids.dissolving import meant_solids
-from labweb.domain.workflows.passes.liquids.pumping import MOST_STROKES
-from labweb.domain.workflows.passes.liquids.splitting import count_strokes, split_strokes
+from labweb.domain.workflows.passes.confirmation import MAY_STAY_UNCONFIRMED, may_confirm
+from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftStep, MassCheck
+from labweb.domain.workflows.passes.liquids.pump_choice import MOST_STROKES
+from labweb.domain.workflows.passes.liquids.solids_drawn_along import meant_solids
+from labweb.domain.workflows.passes.liquids.stroke_splitting import count_strokes, split_strokes
 from labweb.domain.workflows.passes.liquids.strokes import check_fineness
-from labweb.domain.workflows.passes.people.stating import ask_of_solids
-from labweb.domain.workflows.passes.roles import plays
-from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.passes.liquids.syringe_passes import choose_way, make_passes
+from labweb.domain.workflows.passes.people.stated_at_run import ask_of_solids
+from labweb.domain.workflows.passes.role_requirements import plays
 from labweb.domain.workflows.unit_operations.unit_operation import ALL
+from labweb.domain.workflows.workflow_file import Step
 
 
 def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:

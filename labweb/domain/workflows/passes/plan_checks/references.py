@@ -5,10 +5,14 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.domain.errors import Finding
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.protocol import Step
-from labweb.domain.workflows.unit_operations.steps import STEP_KINDS, ParameterSort, StepParameter
+from labweb.domain.resources.resource_kinds import KINDS
+from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.unit_operations.step_palette import (
+    STEP_KINDS,
+    ParameterSort,
+    StepParameter,
+)
+from labweb.domain.workflows.workflow_file import Step
 
 
 def check_references(step: Step, view: LabView) -> list[Finding]:
