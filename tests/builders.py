@@ -22,7 +22,9 @@ from labweb.domain.crutd import operations, settlement
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind, ResourceState
 from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.domain.graph.lab_file.lab_model import LabFile
-from labweb.domain.messages import Do, EdgeEvent, Hello, Resolve, event_hash, hello_bytes
+from labweb.domain.messages.commands import Do, Resolve
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.messages.session import Hello, hello_bytes
 from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.host_journal import action_states as edge
 from labweb.enrollment import services as enrollment_services

@@ -8,7 +8,8 @@ from collections.abc import Callable
 
 import msgspec
 
-from labweb.domain.messages import Batch, Command, Do, Signed, decode_command
+from labweb.domain.messages.commands import Batch, Command, Do, decode_command
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_actions.command_acceptance import Receipt as Receipt
 from labweb.domain.runs.host_actions.command_acceptance import record_refusal, take_command
 from labweb.domain.runs.host_journal import action_states

@@ -16,7 +16,7 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import TypeVar, cast
 
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers.keys import is_signed
 

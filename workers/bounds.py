@@ -11,7 +11,7 @@ from cryptography import x509
 
 from drivers.transports.http import TOKEN
 from drivers.transports.urls import addresses_of, beat_of, file_of, line_key, ros2_of
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers import faults
 from workers.config import HostConfig, line_queue
 from workers.confine import Bounds, confine, describe, existing, is_possible

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from labweb.domain.crutd.operations import Read
 from labweb.domain.enrollment.admitted_interface import refusal
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_actions import host_batch, host_state
 from labweb.domain.runs.host_journal import action_states
 from labweb.domain.runs.host_journal.action_states import Answer

@@ -8,8 +8,10 @@ from collections.abc import Sequence
 
 import msgspec
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import LabError
-from labweb.domain.messages import EdgeEvent, Pulse, Welcome, canonical
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.messages.session import Pulse, Welcome
 from labweb.domain.runs.host_journal.host_moment import Moment
 from labweb.domain.runs.host_link.host_clocks import (
     Anchor,

@@ -30,7 +30,8 @@ from labweb.domain.enrollment.device_announcements import (
     sighting_of,
 )
 from labweb.domain.errors import DefinitionError, LabError
-from labweb.domain.messages import DeviceConfig, Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.config import BeaconConfig, DdsConfig, DiscoveryConfig, HostConfig
 from workers.journal import Journal
 from workers.keys import is_signature

@@ -25,7 +25,12 @@ from labweb.domain.enrollment.driver_bundle import (
     encode_bundle,
 )
 from labweb.domain.errors import ConformanceError, LabError
-from labweb.domain.messages import DeviceConfig, DriverApproval, DriverPart, Signed
+from labweb.domain.messages.devices_and_drivers import (
+    DeviceConfig,
+    DriverApproval,
+    DriverPart,
+    Signed,
+)
 from workers.journal import Journal
 from workers.keys import is_signed
 

@@ -16,7 +16,7 @@ from labweb.domain.clock_and_ids import Clock
 from labweb.domain.crutd.settlement import confirmed_nl
 from labweb.domain.enrollment.action_guards import watchdog_s
 from labweb.domain.errors import DeviceError, Effect, LabError
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_journal.action_states import Report
 from labweb.domain.runs.host_journal.event_bodies import plain
 from labweb.domain.runs.host_journal.journal_rows import ActionRow

@@ -14,7 +14,7 @@ import msgspec
 from labweb.domain.clock_and_ids import Clock
 from labweb.domain.crutd.pre_and_postconditions import Condition, Result
 from labweb.domain.errors import StateError
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_actions import action_execution as acting
 from labweb.domain.runs.host_actions.action_execution import Started
 from labweb.domain.runs.host_journal import action_states, paired_actions
@@ -209,9 +209,7 @@ class Executor:
         return True
 
     def _start(self, row: ActionRow, scene: acting.Scene) -> Answer | Started:
-        start = (
-            acting.start if paired_actions.partner_of(row.do) is None else acting.start_both
-        )
+        start = acting.start if paired_actions.partner_of(row.do) is None else acting.start_both
         with self._journal.write() as tx:
             found = start(tx, row, row.do, at=self._journal.moment(), scene=scene)
         wake = partial(self._wake_others, self._journal, row.do)

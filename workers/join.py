@@ -41,7 +41,7 @@ from labweb.domain.enrollment.host_join import (
     parse_token,
 )
 from labweb.domain.errors import DefinitionError, EnrollmentError, LabError, UnreachableError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from workers.config import LONGEST_SOCKET_PATH
 from workers.host import lock_folder, set_journal_aside
 from workers.identity import key_hash, signing_request, take_certificate, verifying_context

@@ -21,12 +21,9 @@ from uuid import UUID, uuid4
 
 import msgspec
 
-from labweb.domain.messages import (
-    MAX_EVENTS_PER_FRAME,
-    MAX_FRAME_BYTES,
-    DeviceConfig,
-    EdgeEvent,
-)
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import MAX_EVENTS_PER_FRAME, EdgeEvent
+from labweb.domain.messages.frames import MAX_FRAME_BYTES
 from labweb.domain.runs.host_actions.host_state import state_of
 from labweb.domain.runs.host_journal.action_states import ActionState, HostState
 from labweb.domain.runs.host_journal.host_moment import Moment

@@ -8,7 +8,7 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.host_actions.host_state import STATE_KEYS
 from labweb.domain.runs.host_journal.action_states import FINAL, ActionState
 from labweb.domain.runs.host_journal.journal_rows import ActionRow as ActionRow

@@ -15,7 +15,7 @@ from drivers.transports.base import Transport
 from drivers.transports.urls import make_transport
 from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import LabError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.clock import SystemClock

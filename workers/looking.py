@@ -22,7 +22,8 @@ from drivers.transports.urls import line_key
 from labweb.domain.enrollment.driver_bundle import MAX_BUNDLE_BYTES, decode_bundle
 from labweb.domain.enrollment.driver_tryout import READ_WITHIN_S
 from labweb.domain.errors import ConformanceError, LabError, StateError
-from labweb.domain.messages import LookOrder, LookPart, LookTold, Signed
+from labweb.domain.messages.device_looks import LookOrder, LookPart, LookTold
+from labweb.domain.messages.devices_and_drivers import Signed
 from workers.confine import describe, is_possible
 from workers.devices import lines_of
 from workers.drivers import check_approval

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from labweb.domain.clock_and_ids import Clock
 from labweb.domain.crutd.pre_and_postconditions import Condition, Result
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution
 from labweb.domain.runs.host_actions.action_execution import Started

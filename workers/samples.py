@@ -11,8 +11,13 @@ import msgspec
 from redis.exceptions import RedisError
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain.messages import MAX_FRAME_BYTES, Telemetry, TelemetryGap, TelemetryTaken
-from labweb.domain.messages.telemetry import MAX_SAMPLES_PER_FRAME
+from labweb.domain.messages.frames import MAX_FRAME_BYTES
+from labweb.domain.messages.telemetry import (
+    MAX_SAMPLES_PER_FRAME,
+    Telemetry,
+    TelemetryGap,
+    TelemetryTaken,
+)
 from workers.store import Batch, Store
 
 log = logging.getLogger(__name__)

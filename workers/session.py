@@ -11,15 +11,10 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import (
-    Devices,
-    Heads,
-    Heartbeat,
-    Hello,
-    StopLab,
-    Welcome,
-    countersigned_bytes,
-)
+from labweb.domain.messages.chain_heads import Heads, countersigned_bytes
+from labweb.domain.messages.devices_and_drivers import Devices
+from labweb.domain.messages.session import Heartbeat, Hello, Welcome
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.host_actions import host_state
 from labweb.domain.runs.host_journal.countersigned_heads import write_head
 from labweb.domain.runs.host_journal.host_moment import Moment

@@ -22,7 +22,7 @@ import time
 from collections.abc import Callable, Collection
 
 from labweb.domain.enrollment.device_announcements import Beacon, mark_of
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 
 SHARES_COUNT = 256
 SHARE_PACKETS_PER_S = 2.0

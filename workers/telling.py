@@ -9,20 +9,20 @@ from collections.abc import Callable
 import msgspec
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain.messages import (
-    Ask,
-    EdgeFrame,
-    ServerFrame,
+from labweb.domain.messages.action_asks import Ask, WithdrawAsk
+from labweb.domain.messages.certificates_and_sightings import (
+    MOST_SIGHTINGS_PER_FRAME,
     Sighting,
     Sightings,
+)
+from labweb.domain.messages.driver_tryouts import (
     SimulatedModel,
     TryoutAsk,
     TryoutOffer,
     TryoutPart,
     TryoutTold,
-    WithdrawAsk,
 )
-from labweb.domain.messages.certificates_and_sightings import MOST_SIGHTINGS_PER_FRAME
+from labweb.domain.messages.frames import EdgeFrame, ServerFrame
 from workers.store import ASKS, TRYOUT_TOLD, TRYOUT_WORDS, Store
 
 ASKS_S = 0.1

@@ -9,8 +9,9 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.canonical_json import without_null
-from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
+from labweb.domain.canonical_json import canonical, without_null
+from labweb.domain.messages.commands import ResourceView
+from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.domain.runs.host_actions.host_state import state_of
 from labweb.domain.runs.host_journal.action_states import ActionState, HostState
 from labweb.domain.runs.host_journal.host_moment import Moment

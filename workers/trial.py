@@ -20,7 +20,7 @@ import msgspec
 
 from drivers.transports.urls import line_key, make_transport
 from labweb.domain.errors import LabError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.bounds import confine_line
 from workers.config import HostConfig, load_config
 from workers.devices import fingerprint

@@ -12,7 +12,7 @@ from drivers.base import Driver, Report
 from drivers.load import call_action, read_status
 from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import DeviceError, LabError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 
 log = logging.getLogger(__name__)
 

@@ -21,32 +21,19 @@ from websockets.exceptions import WebSocketException
 
 from labweb.domain.action_files import FileAsked, FileTaken
 from labweb.domain.errors import LabError
-from labweb.domain.messages import (
-    MAX_FRAME_BYTES,
-    Ack,
-    AskTold,
-    Challenge,
-    Devices,
-    DriverPart,
-    Events,
-    Heads,
-    LookPart,
-    Nudge,
-    Pulse,
-    Refuse,
-    Renew,
-    Renewed,
-    Resume,
-    ServerFrame,
-    StopAcknowledged,
-    StopLab,
-    TelemetryTaken,
-    TryoutAsk,
-    TryoutPart,
-    WantDriver,
-    Welcome,
-    version_refusal,
-)
+from labweb.domain.messages.action_asks import AskTold
+from labweb.domain.messages.certificates_and_sightings import Renew, Renewed
+from labweb.domain.messages.chain_heads import Heads
+from labweb.domain.messages.commands import Nudge
+from labweb.domain.messages.device_looks import LookPart
+from labweb.domain.messages.devices_and_drivers import Devices, DriverPart, WantDriver
+from labweb.domain.messages.driver_tryouts import TryoutAsk, TryoutPart
+from labweb.domain.messages.events import Ack, Events
+from labweb.domain.messages.frames import MAX_FRAME_BYTES, ServerFrame
+from labweb.domain.messages.protocol_version import version_refusal
+from labweb.domain.messages.session import Challenge, Pulse, Refuse, Resume, Welcome
+from labweb.domain.messages.stops import StopAcknowledged, StopLab
+from labweb.domain.messages.telemetry import TelemetryTaken
 from workers import faults
 from workers.accept import accept
 from workers.app import make_host_app

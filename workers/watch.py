@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from uuid import UUID
 
 from labweb.domain.clock_and_ids import Clock
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_journal.action_states import Report
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from workers.execute import Act, Acted

@@ -18,10 +18,12 @@ from labweb.approvals.models import Tryout as Tryout
 from labweb.approvals.models import TryoutAct as TryoutAct
 from labweb.common.clock import now
 from labweb.common.prepared import Given, Prepared
+from labweb.domain.canonical_json import canonical
 from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.enrollment.driver_tryout import SILENT_S, STARTS_S, Act, Tried, fitting, tried
 from labweb.domain.errors import Finding, NotFoundError
-from labweb.domain.messages import Countersigned, SimulatedModel, canonical
+from labweb.domain.messages.chain_heads import Countersigned
+from labweb.domain.messages.driver_tryouts import SimulatedModel
 from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment.selectors import DriverVersion, EdgeHost
 from labweb.resources.selectors import Lab

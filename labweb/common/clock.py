@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from uuid import UUID
 
-from labweb.domain.messages import Tick
+from labweb.domain.messages.commands import Tick
 from labweb.domain.runs.host_link.host_clocks import Happened
 
 _told: ContextVar[Happened | None] = ContextVar("told", default=None)

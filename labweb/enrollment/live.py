@@ -15,7 +15,7 @@ from labweb.common.buckets import Rate
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.enrollment.host_join import Ask, JoinFrame, Offer, Waiting
 from labweb.domain.errors import LabError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from labweb.enrollment import selectors, services
 
 logger = logging.getLogger(__name__)

@@ -19,38 +19,18 @@ from labweb.common.lanes import on_lane
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.action_files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.errors import LabError
-from labweb.domain.messages import (
-    CLOSE_BAD_FRAME,
-    MAX_FRAME_BYTES,
-    NOT_KNOWN,
-    Ack,
-    Ask,
-    AskTold,
-    Challenge,
-    EdgeFrame,
-    Events,
-    Heartbeat,
-    Hello,
-    LookTold,
-    Nudge,
-    Pulse,
-    Refuse,
-    Renew,
-    Renewed,
-    Resume,
-    ServerFrame,
-    Sightings,
-    Signed,
-    StopAcknowledged,
-    StopLab,
-    Telemetry,
-    TelemetryTaken,
-    TryoutOffer,
-    TryoutTold,
-    WantDriver,
-    WithdrawAsk,
-    unknown_frame,
-)
+from labweb.domain.messages.action_asks import Ask, AskTold, WithdrawAsk
+from labweb.domain.messages.certificates_and_sightings import Renew, Renewed, Sightings
+from labweb.domain.messages.commands import Nudge
+from labweb.domain.messages.device_looks import LookTold
+from labweb.domain.messages.devices_and_drivers import Signed, WantDriver
+from labweb.domain.messages.driver_tryouts import TryoutOffer, TryoutTold
+from labweb.domain.messages.events import Ack, Events
+from labweb.domain.messages.frames import CLOSE_BAD_FRAME, MAX_FRAME_BYTES, EdgeFrame, ServerFrame
+from labweb.domain.messages.protocol_version import NOT_KNOWN, unknown_frame
+from labweb.domain.messages.session import Challenge, Heartbeat, Hello, Pulse, Refuse, Resume
+from labweb.domain.messages.stops import StopAcknowledged, StopLab
+from labweb.domain.messages.telemetry import Telemetry, TelemetryTaken
 from labweb.domain.runs.host_link.host_session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services

@@ -11,7 +11,7 @@ from celery import Celery
 from kombu.message import Message
 
 from labweb.common import queue
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 from workers.app import make_accept_app
 from workers.config import HostConfig, ValkeyConfig
 

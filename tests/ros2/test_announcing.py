@@ -29,7 +29,7 @@ from labweb.domain.enrollment.device_announcements import (
     sighting_of,
 )
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 from tests.fixtures.running import ROOT
 from tests.ros2.conftest import Peer
 from tests.workers.bench import HOST_ID

@@ -24,7 +24,8 @@ from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.types import Types
 from labweb.domain.errors import DefinitionError, RejectedError
-from labweb.domain.messages import Ask, AskTold, DeviceConfig, WithdrawAsk
+from labweb.domain.messages.action_asks import Ask, AskTold, WithdrawAsk
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from tests.ros2.conftest import SHARE, Peer
 from tests.workers.bench import DEVICE_ID, HOST_ID, Server, a_device
 from workers.config import HostConfig, Ros2Config, ValkeyConfig, load_config

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.messages import Halt
+from labweb.domain.messages.commands import Halt
 from labweb.domain.runs.dispatch import job_scheduler
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.states.job_states import RunState

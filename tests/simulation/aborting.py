@@ -7,7 +7,9 @@ from random import Random
 from typing import cast
 from uuid import UUID
 
-from labweb.domain.messages import Command, EdgeEvent, Halt, Signed
+from labweb.domain.messages.commands import Command, Halt
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.dispatch import job_scheduler
 from labweb.domain.runs.halts import halt_progress, halted_setpoints
 from labweb.domain.runs.halts.halt_progress import OPEN_HALTS, UNDECIDED, HaltState

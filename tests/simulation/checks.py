@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from labweb.domain.crutd.transaction_states import FINAL as SETTLED
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.domain.runs.states.job_states import FINAL, JobState, Mover

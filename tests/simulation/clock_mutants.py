@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import msgspec
 
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.host_journal.host_moment import Moment
 from labweb.domain.runs.host_link import host_clocks
 from labweb.domain.runs.host_link.host_clocks import Anchor, Cause, Estimate, Exchange, Happened

@@ -9,7 +9,8 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import EdgeEvent, Events, Heartbeat, Pulse, Welcome
+from labweb.domain.messages.events import EdgeEvent, Events
+from labweb.domain.messages.session import Heartbeat, Pulse, Welcome
 from labweb.domain.runs.host_journal.host_moment import Moment
 from labweb.domain.runs.host_link import host_clocks
 from labweb.domain.runs.host_link.host_clocks import Anchor, Cause, Exchange, Happened

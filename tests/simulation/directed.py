@@ -7,7 +7,9 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import Command, Do, Reset, Signed, StopLab
+from labweb.domain.messages.commands import Command, Do, Reset
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.host_actions import host_state
 from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from labweb.domain.runs.host_link.host_session import SessionState

@@ -10,12 +10,8 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd import operations, settlement
-from labweb.domain.messages import (
-    BatchPart,
-    Command,
-    Do,
-    Signed,
-)
+from labweb.domain.messages.commands import BatchPart, Command, Do
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.dispatch import command_outbox, job_scheduler, work_of_absent_host
 from labweb.domain.runs.exclusive_use import action_locks
 from labweb.domain.runs.host_actions import host_batch

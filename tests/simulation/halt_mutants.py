@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.crutd import settlement
-from labweb.domain.messages import StopLab, canonical
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, host_state
 from labweb.domain.runs.host_actions.action_execution import Found

@@ -11,7 +11,10 @@ import msgspec
 
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Effect
-from labweb.domain.messages import DeviceConfig, EdgeEvent, Reset, StopLab
+from labweb.domain.messages.commands import Reset
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, host_state
 from labweb.domain.runs.host_actions.action_execution import Found, Started

@@ -8,18 +8,10 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import (
-    Ack,
-    Batch,
-    Command,
-    Do,
-    EdgeEvent,
-    Events,
-    Hello,
-    Resume,
-    Signed,
-    Welcome,
-)
+from labweb.domain.messages.commands import Batch, Command, Do
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import Ack, EdgeEvent, Events
+from labweb.domain.messages.session import Hello, Resume, Welcome
 from labweb.domain.runs.host_actions import (
     action_execution,
     command_acceptance,

@@ -12,7 +12,8 @@ from types import TracebackType
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.messages import EdgeEvent, canonical, event_hash
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.domain.runs.host_actions.host_state import state_of
 from labweb.domain.runs.host_journal.action_states import OPEN, ActionState, HostState
 from labweb.domain.runs.host_journal.host_moment import Moment

@@ -11,7 +11,8 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
+from labweb.domain.messages.commands import Receive, Release, ResourceView
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.exclusive_use import resource_custody
 from labweb.domain.runs.exclusive_use.resource_custody import Custody, CustodyState
 from labweb.domain.runs.host_journal.journal_rows import HeldResource

@@ -14,7 +14,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from labweb.domain.messages import EdgeEvent, Hello
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.messages.session import Hello
 from labweb.domain.runs.exclusive_use import action_locks
 from labweb.domain.runs.host_actions import action_execution, host_state
 from labweb.domain.runs.host_journal import action_states

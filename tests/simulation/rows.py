@@ -9,12 +9,9 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
 from labweb.domain.crutd.transaction_states import TransactionState
-from labweb.domain.messages import (
-    Command,
-    EdgeEvent,
-    ResourceView,
-    Signed,
-)
+from labweb.domain.messages.commands import Command, ResourceView
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.dispatch import job_scheduler
 from labweb.domain.runs.dispatch.command_outbox import BatchDraft
 from labweb.domain.runs.exclusive_use.action_locks import Lock

@@ -9,7 +9,9 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import EdgeEvent, Hello, Reset
+from labweb.domain.messages.commands import Reset
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.messages.session import Hello
 from labweb.domain.runs.dispatch import command_outbox, work_of_absent_host
 from labweb.domain.runs.host_actions import command_acceptance, host_state
 from labweb.domain.runs.host_journal import action_states, journal_rows

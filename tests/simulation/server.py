@@ -13,17 +13,10 @@ from uuid import UUID
 from labweb.domain.crutd import transaction_states
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import LabError
-from labweb.domain.messages import (
-    Ack,
-    Cancel,
-    DeviceConfig,
-    EdgeEvent,
-    Events,
-    Hello,
-    Resolve,
-    Resume,
-    Welcome,
-)
+from labweb.domain.messages.commands import Cancel, Resolve
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import Ack, EdgeEvent, Events
+from labweb.domain.messages.session import Hello, Resume, Welcome
 from labweb.domain.runs.after_failure import recovery_choices
 from labweb.domain.runs.host_journal import action_states
 from labweb.domain.runs.host_link import host_session

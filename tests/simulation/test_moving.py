@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages import Release, ResourceView
+from labweb.domain.messages.commands import Release, ResourceView
 from labweb.domain.runs.exclusive_use import resource_custody
 from labweb.domain.runs.exclusive_use.resource_custody import Custody, CustodyState
 from labweb.domain.runs.host_journal.journal_rows import JournalWrite

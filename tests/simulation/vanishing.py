@@ -17,7 +17,7 @@ import msgspec
 
 from labweb.domain.crutd.operations import Update
 from labweb.domain.enrollment.setpoint_readback import Kept, Sort
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.halts import standing_setpoints, vanished_setpoints
 from labweb.domain.runs.halts.standing_setpoints import Stands
 from labweb.domain.runs.host_journal.journal_rows import ActionRow

@@ -9,7 +9,9 @@ from random import Random
 from typing import Any
 
 from labweb.domain.errors import Effect, StateError
-from labweb.domain.messages import Command, EdgeEvent, Signed
+from labweb.domain.messages.commands import Command
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.host_actions.action_execution import Started
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError

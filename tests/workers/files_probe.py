@@ -12,7 +12,7 @@ from uuid import uuid4
 
 import msgspec
 
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from tests.workers.bench import installed
 from tests.workers.probe import works
 from workers.bounds import confine_line

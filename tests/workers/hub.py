@@ -14,29 +14,22 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
 from labweb.domain.action_files import WANTED, FileOffer, FilePart, FileParts, FileTaken
-from labweb.domain.messages import (
-    CLOSE_BAD_FRAME,
-    PROTOCOL_VERSION,
-    Ack,
+from labweb.domain.messages.commands import Nudge
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, Signed
+from labweb.domain.messages.events import Ack, EdgeEvent, Events
+from labweb.domain.messages.frames import CLOSE_BAD_FRAME, EdgeFrame, ServerFrame
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.session import (
     Challenge,
-    DeviceConfig,
-    EdgeEvent,
-    EdgeFrame,
-    Events,
     Heartbeat,
     Hello,
-    Nudge,
     Pulse,
     Refuse,
     Resume,
-    ServerFrame,
-    Signed,
-    StopAcknowledged,
-    StopLab,
-    Telemetry,
-    TelemetryTaken,
     hello_bytes,
 )
+from labweb.domain.messages.stops import StopAcknowledged, StopLab
+from labweb.domain.messages.telemetry import Telemetry, TelemetryTaken
 from tests.workers.bench import Server
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import msgspec
 
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.bell import PlainBell, hang, ring
 from workers.bounds import confine_line
 from workers.config import load_config

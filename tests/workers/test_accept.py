@@ -8,7 +8,9 @@ from uuid import UUID, uuid4
 import msgspec
 import pytest
 
-from labweb.domain.messages import Cancel, Command, Reset, Resolve, Signed, StopLab
+from labweb.domain.messages.commands import Cancel, Command, Reset, Resolve
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.host_journal.action_states import ActionState
 from tests.workers.bench import (
     BOTTLE_ID,

@@ -11,7 +11,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from labweb.domain.messages import EdgeEvent, Pulse, Welcome, event_hash
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.messages.session import Pulse, Welcome
 from labweb.domain.runs.host_link.host_clocks import Anchor
 from tests.workers.bench import Host, a_do
 from tests.workers.hub import Hub

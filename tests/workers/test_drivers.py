@@ -14,7 +14,7 @@ from drivers.catalog.source import path_of, read_source
 from drivers.transports.virtual import VirtualTransport
 from labweb.domain.enrollment.driver_bundle import digest_of, encode_bundle
 from labweb.domain.errors import ConformanceError
-from labweb.domain.messages import Devices, DriverApproval, DriverPart, Signed
+from labweb.domain.messages.devices_and_drivers import Devices, DriverApproval, DriverPart, Signed
 from tests.workers.bench import Host, Server, a_device
 from workers.drivers import Drivers, DriverStore, Fetching, Serving, tell_once
 from workers.session import take_devices

@@ -13,7 +13,8 @@ import pytest
 from drivers.base import Driver, Report
 from drivers.load import call_action
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.messages import Cancel, Resolve, StopLab
+from labweb.domain.messages.commands import Cancel, Resolve
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import (

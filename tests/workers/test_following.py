@@ -9,7 +9,7 @@ from uuid import UUID
 import pytest
 
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.messages import Cancel
+from labweb.domain.messages.commands import Cancel
 from labweb.domain.runs.host_actions import action_execution
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_do, plain

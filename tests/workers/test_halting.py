@@ -14,7 +14,8 @@ import pytest
 
 from drivers.load import call_action, read_spec
 from labweb.domain.errors import DeviceError
-from labweb.domain.messages import Cancel, Do, Resolve, StopLab
+from labweb.domain.messages.commands import Cancel, Do, Resolve
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.halts.halted_setpoints import owe_halt
 from tests.drivers.conformance.cases import HEATER_STIRRERS
 from tests.drivers.conformance.placed_models import Bench, Case, running

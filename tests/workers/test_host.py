@@ -16,7 +16,8 @@ import msgspec
 import pytest
 from celery import Celery
 
-from labweb.domain.messages import Command, Reset, StopLab
+from labweb.domain.messages.commands import Command, Reset
+from labweb.domain.messages.stops import StopLab
 from tests.workers.bench import (
     DEVICE_ID,
     HOST_ID,

@@ -15,7 +15,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from labweb.domain.enrollment.host_join import Token, parse_token, render_token
 from labweb.domain.errors import EnrollmentError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from workers import join
 from workers.identity import check_certificate, next_key, signing_request
 from workers.keys import HostKey, create_key

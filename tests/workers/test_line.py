@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 from uuid import uuid4
 
-from labweb.domain.messages import StopLab
+from labweb.domain.messages.stops import StopLab
 from tests.workers.bench import HOST_ID, Host, PumpProcess, a_do, until
 from workers.config import HostConfig, ValkeyConfig
 from workers.line import Line, StopWatch

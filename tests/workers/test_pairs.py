@@ -15,7 +15,8 @@ from drivers.transports.urls import line_key
 from labweb.domain.crutd.operations import TransferLiquid, Update, to_json
 from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.errors import Effect
-from labweb.domain.messages import Batch, BatchPart, Cancel, DeviceConfig, Do
+from labweb.domain.messages.commands import Batch, BatchPart, Cancel, Do
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from tests.workers.bench import (
     BOOT_ID,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labweb.domain.messages import MAX_FRAME_BYTES
+from labweb.domain.messages.frames import MAX_FRAME_BYTES
 from labweb.domain.messages.telemetry import MAX_SAMPLES_PER_FRAME
 from workers.samples import NOTHING, Told, is_reached, make_frame, parts_of
 from workers.store import LONGEST_STREAM_COUNT, MOST_SAMPLES_PER_BATCH, STREAM, Batch, Sample, Store

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from pathlib import Path
 
-from labweb.domain.messages import Devices, DriverPart
+from labweb.domain.messages.devices_and_drivers import Devices, DriverPart
 from tests.workers.bench import Host
 from tests.workers.hub import Hub
 from tests.workers.test_uplink import connected, until

@@ -13,7 +13,7 @@ import pytest
 from drivers.load import read_spec
 from labweb.domain.crutd.pre_and_postconditions import Condition, Verdict
 from labweb.domain.errors import EnrollmentError, StateError
-from labweb.domain.messages import StopLab
+from labweb.domain.messages.stops import StopLab
 from tests.drivers.wire import answering
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, installed, until
 from workers import line

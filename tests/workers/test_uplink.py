@@ -15,15 +15,11 @@ import pytest
 
 from labweb.domain.action_files import UNKNOWN, FileAsked, FileGone, FilePart
 from labweb.domain.errors import StateError
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
-    Ask,
-    AskTold,
-    Events,
-    Heartbeat,
-    StopLab,
-    WithdrawAsk,
-)
+from labweb.domain.messages.action_asks import Ask, AskTold, WithdrawAsk
+from labweb.domain.messages.events import Events
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.session import Heartbeat
+from labweb.domain.messages.stops import StopLab
 from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
 from workers import patience

@@ -10,7 +10,8 @@ import pytest
 
 from drivers.load import read_spec
 from labweb.domain.enrollment.setpoint_readback import setting_actions
-from labweb.domain.messages import DeviceConfig, ResourceView
+from labweb.domain.messages.commands import ResourceView
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts.halted_setpoints import RUN_ABORTED, owe_halt
 from labweb.domain.runs.halts.standing_setpoints import Stands, put_stands, read_stands
 from labweb.domain.runs.host_journal.journal_rows import HeldResource

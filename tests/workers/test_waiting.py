@@ -9,7 +9,8 @@ from uuid import UUID, uuid4
 
 import pytest
 
-from labweb.domain.messages import Cancel, StopLab
+from labweb.domain.messages.commands import Cancel
+from labweb.domain.messages.stops import StopLab
 from tests.workers.bench import HOST_ID, Host, a_do, until
 from tests.workers.test_execute import READ, a_condition
 from workers.session import latch_stop

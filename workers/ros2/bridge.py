@@ -26,7 +26,7 @@ from drivers.transports.ros2.names import check_name, fit_name
 from drivers.transports.ros2.types import Types
 from labweb.domain.enrollment.driver_spec import DriverSpec, StatusSpec
 from labweb.domain.errors import DefinitionError, LabError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.config import HostConfig, Ros2Config
 from workers.devices import fingerprint
 from workers.drivers import DriverStore, is_installed

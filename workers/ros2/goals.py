@@ -15,7 +15,7 @@ from drivers.transports.ros2.actions import ActionServer, Decide, Goal, GoalStat
 from drivers.transports.ros2.bus import Bus
 from labweb.domain.enrollment.driver_spec import ActionSpec, check_arguments
 from labweb.domain.errors import LabError
-from labweb.domain.messages import Ask, AskTold, WithdrawAsk
+from labweb.domain.messages.action_asks import Ask, AskTold, WithdrawAsk
 from workers.ros2.mapping import action_arguments
 from workers.store import ASKS, ASKS_TOLD, Store
 from workers.telling import Word

@@ -14,7 +14,13 @@ import msgspec
 from labweb.domain.enrollment.driver_bundle import MAX_BUNDLE_BYTES, decode_bundle
 from labweb.domain.enrollment.driver_tryout import MOST_AT_ONCE
 from labweb.domain.errors import ConformanceError, LabError, StateError
-from labweb.domain.messages import SimulatedModel, TryoutAsk, TryoutOrder, TryoutPart, TryoutTold
+from labweb.domain.messages.driver_tryouts import (
+    SimulatedModel,
+    TryoutAsk,
+    TryoutOrder,
+    TryoutPart,
+    TryoutTold,
+)
 from workers.config import HostConfig
 from workers.confine import describe, is_possible
 from workers.journal import Journal

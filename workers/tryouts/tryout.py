@@ -14,12 +14,7 @@ import msgspec
 
 from labweb.domain.enrollment.driver_tryout import BEAT_S, IDLE_S, LONGEST_S
 from labweb.domain.errors import DeviceError, Effect, LabError, StateError
-from labweb.domain.messages import (
-    TryoutAsk,
-    TryoutOrder,
-    TryoutTold,
-    WireRecord,
-)
+from labweb.domain.messages.driver_tryouts import TryoutAsk, TryoutOrder, TryoutTold, WireRecord
 from workers.tryouts.child import Said, Start, Wish
 from workers.tryouts.driving import Driving
 from workers.tryouts.simulator import Simulator

@@ -40,7 +40,9 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import (
+from labweb.domain.messages.driver_tryouts import (
+    MOST_WIRE_RECORDS,
+    AskSort,
     SimulatedModel,
     TryoutAsk,
     TryoutOffer,
@@ -48,7 +50,6 @@ from labweb.domain.messages import (
     TryoutPart,
     TryoutTold,
 )
-from labweb.domain.messages.driver_tryouts import MOST_WIRE_RECORDS, AskSort
 from labweb.enrollment.selectors import (
     DriverVersion,
     EdgeHost,

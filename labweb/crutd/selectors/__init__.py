@@ -27,7 +27,7 @@ from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.mass_balance import Move
-from labweb.domain.crutd.provenance import is_nominal
+from labweb.domain.crutd.provenance.ledger_flows import is_nominal
 from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.crutd.transaction_states import FINAL, TransactionState
 from labweb.domain.errors import NotFoundError

@@ -29,8 +29,9 @@ from typing import TypeVar
 
 import msgspec
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import Sighting, canonical
+from labweb.domain.messages.certificates_and_sightings import Sighting
 
 LONGEST_BEACON_BYTES = 1200
 LONGEST_TEXT = 100

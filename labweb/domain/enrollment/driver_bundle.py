@@ -16,8 +16,8 @@ from collections.abc import Mapping
 
 import msgspec
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import ConformanceError
-from labweb.domain.messages import canonical
 
 CLASSES = ("sensors", "connectors", "processing", "characterization", "logistics", "virtual")
 """Folders of the package that hold drivers."""

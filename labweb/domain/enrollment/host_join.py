@@ -26,7 +26,8 @@ import msgspec
 
 from labweb.domain.enrollment.device_announcements import is_legible
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import PROTOCOL_VERSION, Refuse
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.session import Refuse
 
 SERVER_NAME = "edge.labweb"
 """Name in the door's certificate: it proves the lab, whatever address the door has."""

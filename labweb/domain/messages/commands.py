@@ -8,8 +8,12 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.calibration.correction import Correction
-from labweb.domain.messages.devices_and_drivers import Signed
-from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.devices_and_drivers import (
+    Signed,
+)
+from labweb.domain.messages.protocol_version import (
+    PROTOCOL_VERSION,
+)
 
 
 class StandingView(msgspec.Struct, frozen=True, kw_only=True):
@@ -233,3 +237,19 @@ class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=Tru
 
 
 Command = Do | Cancel | Resolve | Reset | Halt | Batch | Release | Receive
+
+
+class Nudge(msgspec.Struct, frozen=True, tag="nudge", tag_field="t", kw_only=True):
+    """A command waits: a doorbell beside the broker's, for a broker that is away."""
+
+    signed: Signed
+
+
+def decode_command(body: str | bytes) -> Command:
+    """Read a command's signed text.
+
+    Raises:
+        msgspec.ValidationError: It is none of the commands; nothing happened.
+    """
+    command: Command = msgspec.json.decode(body, type=Command)
+    return command

@@ -20,7 +20,8 @@ from labweb.domain.enrollment.device_announcements import FORGOTTEN_AFTER_S
 from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.enrollment.host_join import code_of
 from labweb.domain.errors import NotFoundError
-from labweb.domain.messages import DeviceConfig, StopLab
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device

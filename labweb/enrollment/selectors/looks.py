@@ -9,7 +9,7 @@ import msgspec
 from labweb.common.clock import now
 from labweb.domain.enrollment.device_look import GIVEN_UP_S, Check, judge_look
 from labweb.domain.enrollment.driver_spec import DriverSpec
-from labweb.domain.messages import LookTold
+from labweb.domain.messages.device_looks import LookTold
 from labweb.enrollment.models import Device, Look
 
 

@@ -36,7 +36,7 @@ from labweb.domain.errors import (
     LockedError,
     StateError,
 )
-from labweb.domain.messages import DriverApproval, DriverPart, Signed
+from labweb.domain.messages.devices_and_drivers import DriverApproval, DriverPart, Signed
 from labweb.enrollment import selectors
 from labweb.enrollment.models import DriverVersion
 from labweb.resources import selectors as resource_selectors

@@ -19,15 +19,9 @@ from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.disk_space import Level
 from labweb.domain.enrollment.admission_reason import refuse_no_reason
 from labweb.domain.errors import EnrollmentError, StateError
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
-    DeviceConfig,
-    Devices,
-    Hello,
-    Welcome,
-    hello_bytes,
-    version_refusal,
-)
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, Devices
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION, version_refusal
+from labweb.domain.messages.session import Hello, Welcome, hello_bytes
 from labweb.domain.runs.host_link.host_session import (
     HostRecord,
     SessionState,

@@ -36,7 +36,7 @@ from labweb.domain.enrollment.host_join import (
     secret_hash,
 )
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from labweb.domain.runs.host_link.host_session import SessionState, readmitted
 from labweb.enrollment import selectors
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken

@@ -28,8 +28,7 @@ from labweb.domain.enrollment.device_announcements import (
     is_sane,
     mark_of,
 )
-from labweb.domain.messages import Sighting
-from labweb.domain.messages.certificates_and_sightings import MOST_SIGHTINGS_PER_FRAME
+from labweb.domain.messages.certificates_and_sightings import MOST_SIGHTINGS_PER_FRAME, Sighting
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Candidate, Device, EdgeHost
 from labweb.enrollment.services.link import tell_host

@@ -19,7 +19,8 @@ from labweb.common.render import iso
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.messages import EdgeEvent, Halt
+from labweb.domain.messages.commands import Halt
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.halts.halt_progress import (
     OPEN_HALTS,
     UNDECIDED,

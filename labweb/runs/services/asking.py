@@ -14,8 +14,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, StateError
-from labweb.domain.messages import Ask, AskTold
-from labweb.domain.messages.action_asks import MOST_ARGUMENTS_BYTES
+from labweb.domain.messages.action_asks import MOST_ARGUMENTS_BYTES, Ask, AskTold
 from labweb.domain.runs.states.job_states import FINAL, JobState, RunState
 from labweb.domain.workflows import workflow_file
 from labweb.enrollment import selectors as enrollment_selectors

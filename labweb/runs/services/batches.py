@@ -17,7 +17,7 @@ from labweb.crutd.selectors import Transaction
 from labweb.crutd.selectors.placing import with_place
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.messages import BatchPart, Do, ResourceView
+from labweb.domain.messages.commands import BatchPart, Do, ResourceView
 from labweb.domain.runs.dispatch.command_outbox import BatchDraft
 from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.domain.workflows.plan import Execution

@@ -27,13 +27,13 @@ from labweb.domain.calibration.calibration_order import (
 )
 from labweb.domain.calibration.calibration_result import Result
 from labweb.domain.calibration.correction import Quantity
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import canonical
 from labweb.domain.runs.states.job_states import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

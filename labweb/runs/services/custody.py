@@ -29,7 +29,8 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
+from labweb.domain.messages.commands import Receive, Release, ResourceView
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.exclusive_use import resource_custody as rules
 from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost

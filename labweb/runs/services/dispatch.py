@@ -23,16 +23,16 @@ from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.messages import (
+from labweb.domain.messages.commands import (
     Cancel,
     Command,
     Do,
     Reset,
     Resolve,
     ResourceView,
-    Signed,
     StandingView,
 )
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.dispatch.command_outbox import (
     RING_AGAIN_AFTER_S,
     BatchDraft,

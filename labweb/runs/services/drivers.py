@@ -23,7 +23,7 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.states.job_states import AT_EDGE, FINAL
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services

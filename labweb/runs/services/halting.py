@@ -12,7 +12,7 @@ from django.db.transaction import on_commit
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.errors import Finding, StateError
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.halts.halted_setpoints import (
     DEVICE_STOPPED,
     INTERRUPTED,

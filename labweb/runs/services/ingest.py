@@ -24,7 +24,7 @@ from labweb.domain.calibration.correction import Correction
 from labweb.domain.canonical_json import without_null
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.halts.halted_setpoints import IS_HALTED
 from labweb.domain.runs.halts.vanished_setpoints import EVENT as LOSS
 from labweb.domain.runs.host_journal.surroundings import read_context

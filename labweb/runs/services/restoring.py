@@ -26,7 +26,7 @@ from labweb.crutd.selectors.chain import broken_link, told_columns
 from labweb.crutd.selectors.verifying import ledger_violations
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, ReconcileError, StateError
-from labweb.domain.messages import EdgeEvent, event_hash
+from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.domain.runs.states import event_export_file
 from labweb.domain.runs.states.event_export_file import Line, bad_line
 from labweb.resources import selectors as resource_selectors

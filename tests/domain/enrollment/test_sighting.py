@@ -30,7 +30,7 @@ from labweb.domain.enrollment.driver_spec import (
     check_arguments,
 )
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 
 PLAIN: dict[str, Any] = {"labweb": 1, "name": "Stirrer", "port": 5000}
 KEY = base64.b64encode(bytes(range(32))).decode()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec
 from labweb.domain.enrollment.driver_tryout import Act, fitting, labelled, tried
-from labweb.domain.messages import SimulatedModel
+from labweb.domain.messages.driver_tryouts import SimulatedModel
 
 SPEC = DriverSpec(
     class_name="Loop",

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.messages import EdgeEvent, event_hash
+from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.domain.runs.host_journal.host_moment import Moment
 from labweb.domain.runs.host_link.host_clocks import (
     DRIFT_RATIO,

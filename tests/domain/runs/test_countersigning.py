@@ -6,7 +6,9 @@ import json
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.messages import ChainHead, Signed, canonical
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.chain_heads import ChainHead
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_journal.countersigned_heads import (
     META,
     check_head,

@@ -11,7 +11,7 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.messages import Cancel
+from labweb.domain.messages.commands import Cancel
 from labweb.domain.runs.dispatch.command_outbox import is_due, stamped
 from labweb.domain.runs.dispatch.job_scheduler import JobView
 from labweb.domain.runs.dispatch.work_of_absent_host import find_waiting

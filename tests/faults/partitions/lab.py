@@ -24,7 +24,10 @@ import msgspec
 from celery import Celery
 
 from drivers.transports.urls import line_key
-from labweb.domain.messages import Command, Do, EdgeFrame, Events, canonical
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.commands import Command, Do
+from labweb.domain.messages.events import Events
+from labweb.domain.messages.frames import EdgeFrame
 from labweb.domain.runs.host_link.host_session import SessionState, state_by_silence
 from tests.faults.kills.lab import Ledger
 from tests.faults.netns import Net

@@ -26,7 +26,7 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import (
+from labweb.domain.messages.driver_tryouts import (
     SimulatedModel,
     TryoutAsk,
     TryoutOffer,

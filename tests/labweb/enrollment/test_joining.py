@@ -20,7 +20,7 @@ from labweb.common import authority
 from labweb.common.clock import now
 from labweb.domain.enrollment.host_join import Admitted, Ask, Waiting, code_of, parse_token
 from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenError, StateError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.runs import services as run_services

@@ -20,7 +20,7 @@ from labweb.domain.enrollment.device_announcements import (
     MOST_OPEN,
 )
 from labweb.domain.errors import StateError
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device
 from labweb.runs.services.picture import lab_view

@@ -12,7 +12,10 @@ from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
 from labweb.domain.crutd.pre_and_postconditions import Condition, Readings, Result, evaluate
-from labweb.domain.messages import Command, Signed, StopLab, Tick, Welcome
+from labweb.domain.messages.commands import Command, Tick
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.session import Welcome
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.dispatch import command_outbox
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state

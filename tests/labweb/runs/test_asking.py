@@ -11,7 +11,7 @@ from django.core.management import CommandError, call_command
 from labweb.accounts.models import AuditEntry
 from labweb.approvals.models import ApprovalRequest
 from labweb.domain.errors import ForbiddenError
-from labweb.domain.messages import Ask, AskTold
+from labweb.domain.messages.action_asks import Ask, AskTold
 from labweb.runs import services
 from labweb.runs.models import Attempt, Run
 from labweb.runs.services import asking

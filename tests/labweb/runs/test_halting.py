@@ -8,7 +8,7 @@ import pytest
 
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.errors import Effect, StateError
-from labweb.domain.messages import Cancel
+from labweb.domain.messages.commands import Cancel
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, command_acceptance
 from labweb.domain.runs.host_journal.action_states import ActionState, Report

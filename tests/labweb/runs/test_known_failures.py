@@ -8,7 +8,7 @@ import pytest
 
 from labweb.common import clock
 from labweb.domain.errors import Effect
-from labweb.domain.messages import Cancel
+from labweb.domain.messages.commands import Cancel
 from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
 from labweb.domain.runs.host_actions.action_execution import Scene, Started
 from labweb.domain.runs.host_journal.action_states import ActionState, Report

@@ -24,7 +24,8 @@ from labweb.common.clock import new_id, now
 from labweb.crutd import services as crutd_services
 from labweb.domain.action_files import PART_BYTES, WANTED, FileOffer, FilePart, FileParts
 from labweb.domain.crutd.operations import Create
-from labweb.domain.messages import Command, Signed
+from labweb.domain.messages.commands import Command
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.dispatch import command_outbox
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services

@@ -10,7 +10,7 @@ import pytest
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.enrollment.setpoint_readback import kept_by
 from labweb.domain.errors import StateError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
 from labweb.domain.runs.halts.standing_setpoints import Stands, read_stands
 from labweb.domain.runs.host_journal.action_states import Report

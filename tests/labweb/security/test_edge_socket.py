@@ -16,15 +16,11 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from labweb.crutd.models import Ticket
 from labweb.domain.action_files import FileOffer, FilePart
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
-    Ask,
-    Events,
-    Heartbeat,
-    Hello,
-    Telemetry,
-    WithdrawAsk,
-)
+from labweb.domain.messages.action_asks import Ask, WithdrawAsk
+from labweb.domain.messages.events import Events
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.session import Heartbeat, Hello
+from labweb.domain.messages.telemetry import Telemetry
 from labweb.runs import services
 from labweb.runs.models import HostEvent, Run
 from labweb.telemetry.models import File, Sample

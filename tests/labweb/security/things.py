@@ -17,7 +17,7 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.models import ResourceReservation
 from labweb.domain.approvals.access_tokens import AccessScope
 from labweb.domain.enrollment.host_join import Ask, code_of, parse_token
-from labweb.domain.messages import SimulatedModel, TryoutOffer, TryoutTold
+from labweb.domain.messages.driver_tryouts import SimulatedModel, TryoutOffer, TryoutTold
 from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import DriverVersion, EdgeHost, JoinRequest

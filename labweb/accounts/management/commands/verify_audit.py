@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from labweb.accounts.management.verifying import VerifyCommand
 from labweb.accounts.selectors import chain
 from labweb.domain.errors import Finding
-from labweb.domain.messages import Countersigned
+from labweb.domain.messages.chain_heads import Countersigned
 
 
 class Command(VerifyCommand):

@@ -9,7 +9,8 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.calibration.correction import holds_s
-from labweb.domain.messages import Batch, Command, Do, ResourceView, Signed, Tick
+from labweb.domain.messages.commands import Batch, Command, Do, ResourceView, Tick
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_link.host_session import SessionState
 
 RING_AGAIN_AFTER_S = 2.0

@@ -21,8 +21,9 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import StateError
-from labweb.domain.messages import Receive, Release, ResourceView, canonical
+from labweb.domain.messages.commands import Receive, Release, ResourceView
 from labweb.domain.runs.host_journal.journal_rows import HeldResource, JournalWrite
 
 

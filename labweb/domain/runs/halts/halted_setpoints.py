@@ -14,7 +14,9 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import DeviceConfig, Halt, canonical
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.commands import Halt
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts.standing_setpoints import clear_stands
 from labweb.domain.runs.host_journal import paired_actions
 from labweb.domain.runs.host_journal.action_states import ActionState

@@ -12,7 +12,7 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import canonical
+from labweb.domain.canonical_json import canonical
 from labweb.domain.runs.host_journal.journal_rows import JournalWrite
 
 KEY = "stands"

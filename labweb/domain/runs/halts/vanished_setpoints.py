@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from labweb.domain.enrollment.setpoint_readback import Kept, names_set_by
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts.halted_setpoints import sort_of, sort_set_by
 from labweb.domain.runs.halts.standing_setpoints import Stands, put_stands, read_stands
 from labweb.domain.runs.host_journal.action_states import ActionState

@@ -15,7 +15,7 @@ from labweb.domain.crutd import operations, settlement
 from labweb.domain.crutd.pre_and_postconditions import Condition, Result, Verification
 from labweb.domain.crutd.settlement import Change, Outcome, OutcomeKind
 from labweb.domain.errors import Effect, LabError
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
 from labweb.domain.runs.host_actions import host_batch, host_state
 from labweb.domain.runs.host_journal import action_states, paired_actions

@@ -15,8 +15,7 @@ from labweb.domain.crutd import operations, settlement
 from labweb.domain.crutd.pre_and_postconditions import Condition, Verification
 from labweb.domain.crutd.settlement import OutcomeKind
 from labweb.domain.errors import LabError
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
+from labweb.domain.messages.commands import (
     Batch,
     Cancel,
     Command,
@@ -27,8 +26,9 @@ from labweb.domain.messages import (
     Reset,
     Resolve,
     ResourceView,
-    Signed,
 )
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
 from labweb.domain.runs.after_failure.doubt_by_readings import against_the_record
 from labweb.domain.runs.exclusive_use import resource_custody
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints

@@ -12,7 +12,8 @@ from enum import StrEnum
 from typing import Protocol
 from uuid import UUID
 
-from labweb.domain.messages import Batch, BatchPart, Do, Signed, decode_command
+from labweb.domain.messages.commands import Batch, BatchPart, Do, decode_command
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.dispatch.job_scheduler import JobView, pair_of
 from labweb.domain.runs.exclusive_use.action_locks import Lock
 from labweb.domain.runs.host_journal import paired_actions

@@ -12,7 +12,11 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import DeviceConfig, StopLab, Tick, Welcome, canonical
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.commands import Tick
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.session import Welcome
+from labweb.domain.messages.stops import StopLab
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions.host_batch import stop_safely
 from labweb.domain.runs.host_journal.action_states import ActionState, HostState

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import msgspec
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import Finding
-from labweb.domain.messages import ChainHead, Countersigned, Signed, canonical, read_head
+from labweb.domain.messages.chain_heads import ChainHead, Countersigned, read_head
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_journal.journal_rows import JournalWrite
 
 META = "heads"

@@ -15,7 +15,8 @@ import msgspec
 
 from labweb.domain.crutd.operations import Operation, from_json
 from labweb.domain.errors import LabError
-from labweb.domain.messages import Do, ResourceView, Signed, decode_command
+from labweb.domain.messages.commands import Do, ResourceView, decode_command
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_journal.action_states import ActionState, HostState
 
 

@@ -10,7 +10,7 @@ import msgspec
 from labweb.domain.crutd.ledger import vessel_of
 from labweb.domain.crutd.operations import Create
 from labweb.domain.crutd.settlement import Change, ResourceState, Snapshot
-from labweb.domain.messages import ResourceView, StandingView
+from labweb.domain.messages.commands import ResourceView, StandingView
 from labweb.domain.resources.contents import LotId, add, remove
 from labweb.domain.resources.placement import Thing
 from labweb.domain.runs.host_journal.journal_rows import HeldResource, JournalWrite

@@ -24,7 +24,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.errors import Effect
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_journal import action_states
 from labweb.domain.runs.host_journal.action_states import ActionState, Answer, Report, Scene
 from labweb.domain.runs.host_journal.host_moment import Moment

@@ -10,7 +10,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta
 
-from labweb.domain.messages import canonical
+from labweb.domain.canonical_json import canonical
 
 MOST_READINGS = 200
 LONGEST_TEXT = 200

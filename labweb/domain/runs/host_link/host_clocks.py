@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import msgspec
 
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.host_journal.host_moment import Moment
 
 DRIFT_RATIO = 1e-4

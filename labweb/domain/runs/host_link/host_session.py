@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from uuid import UUID
 
-from labweb.domain.messages import EdgeEvent, Hello, event_hash
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.messages.session import Hello
 
 
 class SessionState(StrEnum):

@@ -18,8 +18,8 @@ from typing import Any
 
 import msgspec
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import canonical
 
 FORMAT, VERSION = "labweb events", 1
 _HEAD = {"format": FORMAT, "version": VERSION}
