@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 import msgspec
 
-from labweb.domain.messages.commands import Batch, Command, Do, decode_command
+from labweb.domain.messages.commands import Command, Do, HostBatch, decode_command
 from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_actions.command_acceptance import Receipt as Receipt
 from labweb.domain.runs.host_actions.command_acceptance import record_refusal, take_command
 from labweb.domain.runs.host_journal import action_states
-from labweb.domain.runs.host_journal.action_states import Answer
+from labweb.domain.runs.host_journal.action_states import HostAnswer
 from workers import faults
 from workers.devices import lines_of
 from workers.journal import Journal
@@ -32,7 +32,7 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
         JournalError: It could not be written; the command may come again.
     """
     command = _read(journal, signed)
-    is_work = isinstance(command, Batch | Do)
+    is_work = isinstance(command, HostBatch | Do)
     if isinstance(command, Receipt):
         receipt = command
     else:
@@ -54,7 +54,7 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
 
 def _read(journal: Journal, signed: Signed) -> Command | Receipt:
     if not is_signed(signed, journal.command_keys()):
-        answer = Answer(
+        answer = HostAnswer(
             action_states.REFUSE, "envelope.bad_signature", "no known key signed this text"
         )
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
@@ -64,7 +64,7 @@ def _read(journal: Journal, signed: Signed) -> Command | Receipt:
     try:
         return decode_command(signed.body)
     except msgspec.MsgspecError as exc:
-        answer = Answer(action_states.REFUSE, "envelope.malformed", f"no command: {exc}")
+        answer = HostAnswer(action_states.REFUSE, "envelope.malformed", f"no command: {exc}")
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
         with journal.write() as tx:
             record_refusal(tx, f"malformed:{digest}", None, answer, digest)

@@ -7,7 +7,7 @@ from labweb.domain.enrollment.admitted_interface import refusal
 from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_actions import host_batch, host_state
 from labweb.domain.runs.host_journal import action_states
-from labweb.domain.runs.host_journal.action_states import Answer
+from labweb.domain.runs.host_journal.action_states import HostAnswer
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers import execute
 from workers.beside import LineThread
@@ -35,25 +35,29 @@ def is_for_next(journal: Journal, do: Do, unit: Unit) -> bool:
 
 def problem(
     journal: Journal, thread: LineThread, row: ActionRow, unit: Unit | None
-) -> Answer | None:
+) -> HostAnswer | None:
     """Say why an action can never start here; None: nothing that is known before a reading."""
     do = row.do
     if not thread.is_signed(row, journal.command_keys()):
-        return Answer(action_states.REJECT, "edge.bad_signature", "no known key signed this action")
+        return HostAnswer(
+            action_states.REJECT, "edge.bad_signature", "no known key signed this action"
+        )
     if unit is None:
         if any(device.id == row.device_id for device in journal.devices()):
             return None
-        return Answer(action_states.REJECT, "edge.unknown_device", "the device is not served here")
+        return HostAnswer(
+            action_states.REJECT, "edge.unknown_device", "the device is not served here"
+        )
     if do.driver_digest != unit.config.digest:
         text = "the action was approved for another version of the driver"
-        return Answer(action_states.REJECT, "edge.driver_digest", text)
+        return HostAnswer(action_states.REJECT, "edge.driver_digest", text)
     if not unit.has_action(do.action) and not execute.is_plain_read(do, unit):
-        return Answer(
+        return HostAnswer(
             action_states.REJECT, "edge.no_action", f"the driver has no action {do.action!r}"
         )
     if unit.has_action(do.action):
         code, text = refusal(unit.config.admission, do.action, do.args)
-        return Answer(action_states.REJECT, code, text) if code else None
+        return HostAnswer(action_states.REJECT, code, text) if code else None
     return None
 
 

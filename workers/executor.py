@@ -12,13 +12,13 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.clock_and_ids import Clock
-from labweb.domain.crutd.pre_and_postconditions import Condition, Result
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult
 from labweb.domain.errors import StateError
 from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_actions import action_execution as acting
 from labweb.domain.runs.host_actions.action_execution import Started
 from labweb.domain.runs.host_journal import action_states, paired_actions
-from labweb.domain.runs.host_journal.action_states import ActionState, Answer, Report
+from labweb.domain.runs.host_journal.action_states import ActionState, HostAnswer, Report
 from labweb.domain.runs.host_journal.event_bodies import plain, report_from
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from labweb.domain.runs.host_journal.surroundings import context_body
@@ -191,7 +191,7 @@ class Executor:
             return False
         # Each status is asked for once: a slow wire takes longer than all of the rest.
         before = self._reader.read_now(conditions, post, is_over=self._is_closing)
-        scene = acting.Scene(
+        scene = acting.HostScene(
             pid=os.getpid(),
             driver_digest=unit.config.digest,
             prestate=plain(prestate_body(before)),
@@ -203,24 +203,24 @@ class Executor:
         )
         faults.point("execute.before_started")
         found = self._start(row, scene)
-        if isinstance(found, Answer):
+        if isinstance(found, HostAnswer):
             return found.kind == action_states.REJECT or self._try_giver(row, found)
         self._carry_out(found, unit, before)
         return True
 
-    def _start(self, row: ActionRow, scene: acting.Scene) -> Answer | Started:
+    def _start(self, row: ActionRow, scene: acting.HostScene) -> HostAnswer | Started:
         start = acting.start if paired_actions.partner_of(row.do) is None else acting.start_both
         with self._journal.write() as tx:
             found = start(tx, row, row.do, at=self._journal.moment(), scene=scene)
         wake = partial(self._wake_others, self._journal, row.do)
-        if isinstance(found, Answer) and found.code == paired_actions.WAITS:
+        if isinstance(found, HostAnswer) and found.code == paired_actions.WAITS:
             over = self._is_closing
             return pairs.meet(self._journal, row, scene, self._clock, wake=wake, is_over=over)
-        if isinstance(found, Answer):
+        if isinstance(found, HostAnswer):
             wake()
         return found
 
-    def _try_giver(self, row: ActionRow, answer: Answer) -> bool:
+    def _try_giver(self, row: ActionRow, answer: HostAnswer) -> bool:
         """Try the action of this line that gives to one that is ready to receive."""
         other = pairs.giver_here(self._journal, row, answer)
         return other is not None and self._try(other)
@@ -237,7 +237,7 @@ class Executor:
                 if line != self._line:
                     self._wake(line)
 
-    def _reject(self, row: ActionRow, answer: Answer) -> bool:
+    def _reject(self, row: ActionRow, answer: HostAnswer) -> bool:
         with self._journal.write() as tx:
             acting.reject(tx, row, answer)
         self._wake_others(self._journal, row.do)
@@ -312,9 +312,9 @@ class Executor:
         """
         over, cut = self._is_closing, partial(checks.is_given_up, self._journal, row)
         stands = pairs.await_partner(self._journal, row, self._clock, is_over=over)
-        if stands is paired_actions.Stand.FAILED:
+        if stands is paired_actions.PairStand.FAILED:
             self._finish(row, paired_actions.failed(report), [])
-        if stands is not paired_actions.Stand.GO_ON:
+        if stands is not paired_actions.PairStand.GO_ON:
             return
         post = self._reader.await_all(_conditions(do.post), before, is_over=over, is_cut=cut)
         if post is None:
@@ -357,7 +357,7 @@ class Executor:
         except JournalError as error:
             log.error("what comes next cannot be read: %s", error)
             return None
-        scene = acting.Scene(
+        scene = acting.HostScene(
             pid=os.getpid(),
             driver_digest=unit.config.digest,
             prestate=plain(prestate_body({})),
@@ -377,7 +377,7 @@ class Executor:
         self,
         row: ActionRow,
         report: Report,
-        post: list[tuple[Condition, Result]],
+        post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None = None,
         following: Following | None = None,
     ) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from labweb.domain.clock_and_ids import Clock
-from labweb.domain.crutd.pre_and_postconditions import Condition, Result
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult
 from labweb.domain.messages.commands import Do
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution
@@ -36,7 +36,7 @@ class Following:
 
     row: ActionRow
     do: Do
-    scene: action_execution.Scene
+    scene: action_execution.HostScene
     meanwhile: Callable[[], None]
     """Is called when all is ready for the disk, which takes its time."""
 
@@ -61,7 +61,7 @@ class Outcomes:
         self,
         row: ActionRow,
         report: Report,
-        post: list[tuple[Condition, Result]],
+        post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None = None,
         following: Following | None = None,
     ) -> Started | None:
@@ -101,7 +101,7 @@ class Outcomes:
         self,
         row: ActionRow,
         report: Report,
-        post: list[tuple[Condition, Result]],
+        post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None,
         following: Following | None,
     ) -> Started | None:

@@ -12,9 +12,9 @@ from labweb.domain.clock_and_ids import Clock
 from labweb.domain.runs.host_actions import action_execution
 from labweb.domain.runs.host_actions.action_execution import Started
 from labweb.domain.runs.host_journal import action_states, paired_actions
-from labweb.domain.runs.host_journal.action_states import FINAL, ActionState, Answer
+from labweb.domain.runs.host_journal.action_states import FINAL, ActionState, HostAnswer
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
-from labweb.domain.runs.host_journal.paired_actions import Stand
+from labweb.domain.runs.host_journal.paired_actions import PairStand
 from workers.journal import Journal
 from workers.watch import AbandonedActionError
 
@@ -24,12 +24,12 @@ POLL_S = 0.01
 def meet(
     journal: Journal,
     row: ActionRow,
-    scene: action_execution.Scene,
+    scene: action_execution.HostScene,
     clock: Clock,
     *,
     wake: Callable[[], None],
     is_over: Callable[[], bool],
-) -> Answer | Started:
+) -> HostAnswer | Started:
     """Wait for the action of another line that begins at the same moment.
 
     Args:
@@ -54,7 +54,7 @@ def meet(
     try:
         wake()
         if other_here(journal, row) is not None:
-            return Answer(
+            return HostAnswer(
                 action_states.HOLD, paired_actions.WAITS, "the other action is tried next"
             )
         return _meet(journal, row, scene, clock, is_over=is_over)
@@ -65,14 +65,14 @@ def meet(
 def _meet(
     journal: Journal,
     row: ActionRow,
-    scene: action_execution.Scene,
+    scene: action_execution.HostScene,
     clock: Clock,
     *,
     is_over: Callable[[], bool],
-) -> Answer | Started:
+) -> HostAnswer | Started:
     partner_id = paired_actions.partner_of(row.do)
     until_s = clock.monotonic_s() + paired_actions.READY_S
-    found = Answer(
+    found = HostAnswer(
         action_states.HOLD,
         paired_actions.WAITS,
         "what begins at the same moment was not ready in time",
@@ -103,7 +103,7 @@ def _meet(
         if now is None or paired_actions.may_act(now, other):
             return Started(row, row.do)
         action_execution.write_end(tx, now, paired_actions.not_sent(), [])
-    return Answer(action_states.REJECT, "edge.partner", "the action that it meets has failed")
+    return HostAnswer(action_states.REJECT, "edge.partner", "the action that it meets has failed")
 
 
 def leave(journal: Journal, line: str) -> None:
@@ -122,7 +122,7 @@ def other_here(journal: Journal, row: ActionRow) -> ActionRow | None:
     return None if found is None or found.line != row.line else found
 
 
-def giver_here(journal: Journal, row: ActionRow, answer: Answer) -> ActionRow | None:
+def giver_here(journal: Journal, row: ActionRow, answer: HostAnswer) -> ActionRow | None:
     """Return the giver of the same line, for which an action that is ready to receive waits."""
     other = other_here(journal, row) if answer.code == paired_actions.WAITS else None
     return other if other is not None and paired_actions.gives(other, row) else None
@@ -131,12 +131,12 @@ def giver_here(journal: Journal, row: ActionRow, answer: Answer) -> ActionRow | 
 def waits_for_own(journal: Journal, row: ActionRow) -> bool:
     """Say whether another action of the same line has to be confirmed first."""
     other = other_here(journal, row)
-    return other is not None and paired_actions.stand(row, other) is Stand.WAIT
+    return other is not None and paired_actions.stand(row, other) is PairStand.WAIT
 
 
 def await_partner(
     journal: Journal, row: ActionRow, clock: Clock, *, is_over: Callable[[], bool]
-) -> Stand:
+) -> PairStand:
     """Wait until it is known how the other action stands.
 
     Returns:
@@ -144,10 +144,10 @@ def await_partner(
     """
     partner_id = paired_actions.partner_of(row.do)
     if partner_id is None:
-        return Stand.GO_ON
+        return PairStand.GO_ON
     is_own = other_here(journal, row) is not None
     while True:
         found = paired_actions.stand(row, journal.action(partner_id))
-        if found is not Stand.WAIT or is_own or is_over():
+        if found is not PairStand.WAIT or is_own or is_over():
             return found
         clock.wait(POLL_S)

@@ -14,7 +14,7 @@ from websockets.asyncio.client import ClientConnection
 from labweb.domain.messages.frames import MAX_FRAME_BYTES
 from labweb.domain.messages.telemetry import (
     MAX_SAMPLES_PER_FRAME,
-    Telemetry,
+    TelemetryFrame,
     TelemetryGap,
     TelemetryTaken,
 )
@@ -160,7 +160,7 @@ def is_too_large(batch: Batch) -> bool:
     return batch.size_bytes > MAX_FRAME_BYTES
 
 
-def make_frame(told: Told, batches: list[Batch], epoch: int) -> tuple[Told, Telemetry]:
+def make_frame(told: Told, batches: list[Batch], epoch: int) -> tuple[Told, TelemetryFrame]:
     """Return how far the lines have been told after some batches, and the frame that tells them."""
     lines = dict(told.lines)
     gaps = []
@@ -169,7 +169,7 @@ def make_frame(told: Told, batches: list[Batch], epoch: int) -> tuple[Told, Tele
         lines[batch.line] = after = _line_after(before, batch)
         gaps += find_gaps(before, after, batch)
     kept = [one for batch in batches if not is_too_large(batch) for one in batch.samples]
-    frame = Telemetry(
+    frame = TelemetryFrame(
         epoch=epoch,
         samples=[(one.device_id, one.status, one.at_s, one.value) for one in kept],
         uncertainties_s=[one.uncertainty_s for one in kept],

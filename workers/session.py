@@ -12,12 +12,12 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.messages.chain_heads import Heads, countersigned_bytes
-from labweb.domain.messages.devices_and_drivers import Devices
+from labweb.domain.messages.devices_and_drivers import DevicesFrame
 from labweb.domain.messages.session import Heartbeat, Hello, Welcome
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.host_actions import host_state
 from labweb.domain.runs.host_journal.countersigned_heads import write_head
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers import faults
 from workers.confine import describe
@@ -54,7 +54,7 @@ def make_hello(
     return msgspec.structs.replace(hello, signature=key.sign_hello(hello, nonce))
 
 
-def open_session(journal: Journal, welcome: Welcome, asked_at: Moment | None = None) -> None:
+def open_session(journal: Journal, welcome: Welcome, asked_at: HostMoment | None = None) -> None:
     """Remember the session before anything is sent in it.
 
     Args:
@@ -105,7 +105,7 @@ def make_heartbeat(
     )
 
 
-def take_devices(journal: Journal, told: Devices) -> None:
+def take_devices(journal: Journal, told: DevicesFrame) -> None:
     """Remember what the host serves and makes ready from now on."""
     with journal.write() as tx:
         host_state.write_devices(tx, told.devices, told.staged)
@@ -176,7 +176,7 @@ def countersign(journal: Journal, key: HostKey, heads: Heads) -> None:
             write_head(tx, heads.key, one, key.sign(countersigned_bytes(heads.key, one)))
 
 
-def latch_stop(journal: Journal, stop: StopLab) -> None:
+def latch_stop(journal: Journal, stop: StopLabFrame) -> None:
     """Close the stop latch. Only a signed Reset opens it."""
     with journal.write() as tx:
         host_state.write_stop(tx, stop)

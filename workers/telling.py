@@ -9,7 +9,7 @@ from collections.abc import Callable
 import msgspec
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain.messages.action_asks import Ask, WithdrawAsk
+from labweb.domain.messages.action_asks import ActionAsk, WithdrawAsk
 from labweb.domain.messages.certificates_and_sightings import (
     MOST_SIGHTINGS_PER_FRAME,
     Sighting,
@@ -54,7 +54,7 @@ class Word(msgspec.Struct, frozen=True):
     """A wish, or its end, on its way from a bridge to the uplink."""
 
     mono_s: float
-    frame: Ask | WithdrawAsk
+    frame: ActionAsk | WithdrawAsk
 
 
 class _Offer(msgspec.Struct, frozen=True):

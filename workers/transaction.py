@@ -14,7 +14,7 @@ from labweb.domain.messages.commands import ResourceView
 from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.domain.runs.host_actions.host_state import state_of
 from labweb.domain.runs.host_journal.action_states import ActionState, HostState
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, HeldResource, JournalError
 from workers.journal_schema import SELECT_ACTION, SELECT_STATE, SELECT_UNFINISHED, to_action
 
@@ -33,7 +33,7 @@ class Transaction:
         *,
         journal_id: UUID,
         head: tuple[int, str],
-        moment: Callable[[], Moment],
+        moment: Callable[[], HostMoment],
     ) -> None:
         self._connection = connection
         self._journal_id = journal_id

@@ -8,9 +8,16 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.domain.clock_and_ids import Clock
-from labweb.domain.enrollment.setpoint_readback import SURE_S, Kept, Seen, completed, kept_by, look
+from labweb.domain.enrollment.setpoint_readback import (
+    SURE_S,
+    KeptReading,
+    Seen,
+    completed,
+    kept_by,
+    look,
+)
 from labweb.domain.runs.halts.halted_setpoints import sort_of
-from labweb.domain.runs.halts.standing_setpoints import KEY, Stands, read_stands
+from labweb.domain.runs.halts.standing_setpoints import KEY, StandingSetpoint, read_stands
 from labweb.domain.runs.halts.vanished_setpoints import write_vanished
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.journal import Journal
@@ -35,7 +42,7 @@ class Watched:
 
     action_id: UUID
     sort: str | None
-    kept: Kept
+    kept: KeptReading
 
 
 class Vigil:
@@ -55,7 +62,7 @@ class Vigil:
         self._clock = clock
         self._pace = pace
         self._refreshed_s = float("-inf")
-        self._stands: dict[UUID, dict[UUID, Stands]] = {}
+        self._stands: dict[UUID, dict[UUID, StandingSetpoint]] = {}
         self._seen: dict[UUID, dict[Watched, Seen]] = {}
 
     def period_s(self, unit: Unit, status: str, period_s: float) -> float:
@@ -105,7 +112,7 @@ class Vigil:
         self._stands = {one: {each.action_id: each for each in all_} for one, all_ in mine.items()}
         self._seen = {one: self._watched(self._units[one], all_) for one, all_ in mine.items()}
 
-    def _watched(self, unit: Unit, stands: Iterable[Stands]) -> dict[Watched, Seen]:
+    def _watched(self, unit: Unit, stands: Iterable[StandingSetpoint]) -> dict[Watched, Seen]:
         """Return what is to be looked at of a device, with what was seen of it before."""
         before = self._seen.get(unit.config.id, {})
         keys = [

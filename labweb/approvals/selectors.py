@@ -20,7 +20,14 @@ from labweb.common.clock import now
 from labweb.common.prepared import Given, Prepared
 from labweb.domain.canonical_json import canonical
 from labweb.domain.enrollment.driver_spec import DriverSpec
-from labweb.domain.enrollment.driver_tryout import SILENT_S, STARTS_S, Act, Tried, fitting, tried
+from labweb.domain.enrollment.driver_tryout import (
+    SILENT_S,
+    STARTS_S,
+    AnsweredWish,
+    Tried,
+    fitting,
+    tried,
+)
 from labweb.domain.errors import Finding, NotFoundError
 from labweb.domain.messages.chain_heads import Countersigned
 from labweb.domain.messages.driver_tryouts import SimulatedModel
@@ -268,6 +275,6 @@ def tried_of(version: DriverVersion) -> Tried:
 _ACT = ("sort", "name", "code", "has_faults", "data")
 
 
-def _act(row: TryoutAct) -> Act:
+def _act(row: TryoutAct) -> AnsweredWish:
     is_ok = not row.code and not row.data.get("problems")
-    return Act(sort=row.sort, name=row.name, is_ok=is_ok, has_faults=row.has_faults)
+    return AnsweredWish(sort=row.sort, name=row.name, is_ok=is_ok, has_faults=row.has_faults)

@@ -16,7 +16,7 @@ MOST_WARN_BYTES = 10 * _GIB
 ADVICE = "Free some space on it: old files, exports and backups."
 
 
-class Level(StrEnum):
+class DiskRoomLevel(StrEnum):
     """How a disk stands."""
 
     OK = "ok"
@@ -40,7 +40,7 @@ class Floors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Disk:
+class DiskSpace:
     """What a disk has left."""
 
     name: str
@@ -52,12 +52,16 @@ class Disk:
 
     is_read_only: bool = False
 
-    def level(self, floors: Floors) -> Level:
+    def level(self, floors: Floors) -> DiskRoomLevel:
         """Say how it stands."""
         if self.is_read_only or self.free_bytes < floors.floor_bytes:
-            return Level.FULL
+            return DiskRoomLevel.FULL
         share_bytes = min(self.total_bytes * floors.warn_ratio, MOST_WARN_BYTES)
-        return Level.LOW if self.free_bytes < max(floors.warn_bytes, share_bytes) else Level.OK
+        return (
+            DiskRoomLevel.LOW
+            if self.free_bytes < max(floors.warn_bytes, share_bytes)
+            else DiskRoomLevel.OK
+        )
 
     def headline(self) -> str:
         """Say in a few words what is the matter with it."""
@@ -72,17 +76,17 @@ class Disk:
                 "No run is started. Find out why the system has made it so, and let it be "
                 "written again."
             )
-        is_full = self.level(floors) is Level.FULL
+        is_full = self.level(floors) is DiskRoomLevel.FULL
         what = "No run is started" if is_full else "Runs are not started"
         return f"{what} below {_size(floors.floor_bytes)}. {ADVICE}"
 
 
-def check_room(disks: Iterable[Disk], floors: Floors) -> list[Finding]:
+def check_room(disks: Iterable[DiskSpace], floors: Floors) -> list[Finding]:
     """List which of the disks have too little room for a run to be started."""
     return [
         Finding("run.disk_full", f"{disk.headline()}: {_lowered(disk.consequence(floors))}")
         for disk in disks
-        if disk.level(floors) is Level.FULL
+        if disk.level(floors) is DiskRoomLevel.FULL
     ]
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from labweb.domain.runs.after_failure import recovery_choices
 from labweb.domain.runs.host_actions import host_batch, host_state
-from labweb.domain.runs.host_actions.host_batch import Turn
-from labweb.domain.runs.host_journal.action_states import FINAL, ActionState, Answer
+from labweb.domain.runs.host_actions.host_batch import BatchTurn
+from labweb.domain.runs.host_journal.action_states import FINAL, ActionState, HostAnswer
 from labweb.domain.runs.states.job_states import STEPS, JobState, Mover
 from tests.simulation.host import SimHost
 from tests.simulation.memory import MemoryWrite
@@ -95,7 +95,7 @@ def complete_is_tried_anew(patch: Patch) -> None:
 def _turn(patch: Patch, change: object) -> None:
     real = host_batch.decide_turn
 
-    def decide(turn: Turn) -> Answer | None:
+    def decide(turn: BatchTurn) -> HostAnswer | None:
         return real(change(turn))  # type: ignore[operator]
 
     patch.setattr(host_batch, "decide_turn", decide)

@@ -8,9 +8,15 @@ from dataclasses import replace
 import msgspec
 
 from labweb.domain.messages.events import EdgeEvent
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_link import host_clocks
-from labweb.domain.runs.host_link.host_clocks import Anchor, Cause, Estimate, Exchange, Happened
+from labweb.domain.runs.host_link.host_clocks import (
+    Cause,
+    ClockAnchor,
+    Estimate,
+    Exchange,
+    Happened,
+)
 from tests.simulation.mutants import Mutant, Patch
 
 
@@ -34,7 +40,7 @@ def raw_time_of_the_host(patch: Patch) -> None:
 def measured_wall_clock(patch: Patch) -> None:
     """The clock that people set is corrected by the last measure, though it was set since."""
 
-    def read(anchor: Anchor, at: Moment) -> Estimate:
+    def read(anchor: ClockAnchor, at: HostMoment) -> Estimate:
         ahead_s = anchor.server_at_s - anchor.wall_s
         return Estimate(at.wall_s + ahead_s, anchor.error_s)
 
@@ -59,7 +65,7 @@ def reception_forgotten(patch: Patch) -> None:
 def starts_confused(patch: Patch) -> None:
     """A measure counts for every start of the machine."""
 
-    def best_of(anchors: Iterable[Anchor], at: Moment) -> Anchor | None:
+    def best_of(anchors: Iterable[ClockAnchor], at: HostMoment) -> ClockAnchor | None:
         return max(anchors, key=lambda one: one.server_at_s, default=None)
 
     patch.setattr(host_clocks, "best_of", best_of)
@@ -74,7 +80,7 @@ def way_takes_no_time(patch: Patch) -> None:
     """A measure is exact, however long its answer took."""
     real = host_clocks.anchor_of
 
-    def anchor_of(exchange: Exchange) -> Anchor | None:
+    def anchor_of(exchange: Exchange) -> ClockAnchor | None:
         found = real(exchange)
         return None if found is None else msgspec.structs.replace(found, error_s=0.0)
 

@@ -9,11 +9,11 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages.events import EdgeEvent, Events
+from labweb.domain.messages.events import EdgeEvent, EventsFrame
 from labweb.domain.messages.session import Heartbeat, Pulse, Welcome
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_link import host_clocks
-from labweb.domain.runs.host_link.host_clocks import Anchor, Cause, Exchange, Happened
+from labweb.domain.runs.host_link.host_clocks import Cause, ClockAnchor, Exchange, Happened
 from tests.simulation import batches
 from tests.simulation.checks import require
 from tests.simulation.host import SimHost
@@ -52,17 +52,17 @@ class ClockedHost(SimHost):
         self.ahead_s = self.clock_rng.uniform(-DAY_S, DAY_S)
         self.rate = 1 + self.clock_rng.uniform(-0.9e-4, 0.9e-4)
         self.truth = lab.truth
-        self.asked: dict[float, Moment] = {}
+        self.asked: dict[float, HostMoment] = {}
         super().__init__(name, lab, rng)
 
     def set_clock(self) -> None:
         """Let a person or a program set the wall clock."""
         self.ahead_s += self.clock_rng.uniform(-DAY_S, DAY_S)
 
-    def moment(self) -> Moment:
+    def moment(self) -> HostMoment:
         now_s = self.lab.now_s
         mono_s = (now_s - self.boot_at_s) * self.rate
-        return Moment(boot_id=self.boot_id, mono_s=mono_s, wall_s=now_s + self.ahead_s)
+        return HostMoment(boot_id=self.boot_id, mono_s=mono_s, wall_s=now_s + self.ahead_s)
 
     def new_write(self, on_commit: Callable[[bool], None]) -> MemoryWrite:
         made = ClockedWrite(self.disk, self.moment(), on_commit)
@@ -72,9 +72,9 @@ class ClockedHost(SimHost):
     # --- what the server's clock shows ---
 
     @property
-    def anchors(self) -> tuple[Anchor, ...]:
+    def anchors(self) -> tuple[ClockAnchor, ...]:
         text = self.disk.meta.get(ANCHORS)
-        return () if text is None else msgspec.json.decode(text, type=tuple[Anchor, ...])
+        return () if text is None else msgspec.json.decode(text, type=tuple[ClockAnchor, ...])
 
     def connect(self) -> Link:
         link = super().connect()
@@ -137,7 +137,7 @@ class ClockedServer(SimServer):
             return
         super().hear(link, frame)
 
-    def _take_events(self, host: Host, link: Link, frame: Events) -> None:
+    def _take_events(self, host: Host, link: Link, frame: EventsFrame) -> None:
         found = host_clocks.latest(frame.events, self.watch.now_s)
         self.by_s = {event.hash: by_s for event, by_s in zip(frame.events, found, strict=True)}
         super()._take_events(host, link, frame)

@@ -9,7 +9,7 @@ import msgspec
 
 from labweb.domain.messages.commands import Command, Do, Reset
 from labweb.domain.messages.devices_and_drivers import Signed
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.host_actions import host_state
 from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from labweb.domain.runs.host_link.host_session import SessionState
@@ -273,7 +273,7 @@ def stopped_and_reset() -> None:
     host = dispatched(world)
     take_all(world, host)
     with host.write() as tx:
-        host_state.write_stop(tx, StopLab(stop_id=UUID(int=7), issued_by="ada"))
+        host_state.write_stop(tx, StopLabFrame(stop_id=UUID(int=7), issued_by="ada"))
     work(world, host)
     world.kill_host(host)
     host.start(is_cold=False)

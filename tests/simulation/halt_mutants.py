@@ -8,10 +8,10 @@ from typing import Any
 
 from labweb.domain.canonical_json import canonical
 from labweb.domain.crutd import settlement
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, host_state
-from labweb.domain.runs.host_actions.action_execution import Found
+from labweb.domain.runs.host_actions.action_execution import FoundDevice
 from labweb.domain.runs.host_journal.action_states import HostState
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from tests.simulation.halting import HaltingHost
@@ -58,7 +58,7 @@ def refused_halt_counts(patch: Patch) -> None:
     """A halt that a device did not confirm counts as delivered."""
     real = action_execution.recover
 
-    def recover(tx: MemoryWrite, row: ActionRow, found: Found | None = None) -> bool:
+    def recover(tx: MemoryWrite, row: ActionRow, found: FoundDevice | None = None) -> bool:
         return real(tx, row, None if found is None else replace(found, is_owed=not found.is_halted))
 
     patch.setattr(action_execution, "recover", recover)
@@ -79,7 +79,7 @@ def stop_spares_what_acts(patch: Patch) -> None:
     """An action that is under way when the lab is stopped is not told."""
     real = host_state.write_stop
 
-    def write_stop(tx: MemoryWrite, stop: StopLab) -> None:
+    def write_stop(tx: MemoryWrite, stop: StopLabFrame) -> None:
         with patch.context() as inner:
             inner.setattr(MemoryWrite, "want_cancel", lambda *_: None)
             real(tx, stop)
@@ -141,7 +141,7 @@ def interrupted_and_kept(patch: Patch) -> None:
     """What the successor of a line has halted is taken to be set as before."""
     real = action_execution.recover
 
-    def recover(tx: MemoryWrite, row: ActionRow, found: Found | None = None) -> bool:
+    def recover(tx: MemoryWrite, row: ActionRow, found: FoundDevice | None = None) -> bool:
         return real(tx, row, None if found is None else replace(found, is_halted=False))
 
     patch.setattr(action_execution, "recover", recover)

@@ -14,10 +14,10 @@ from labweb.domain.errors import Effect
 from labweb.domain.messages.commands import Reset
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.messages.events import EdgeEvent
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, host_state
-from labweb.domain.runs.host_actions.action_execution import Found, Started
+from labweb.domain.runs.host_actions.action_execution import FoundDevice, Started
 from labweb.domain.runs.host_journal.action_states import Report
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.domain.runs.states.job_states import JobState
@@ -147,7 +147,7 @@ class HaltingHost(SimHost):
     def _forget(self) -> None:
         """Begin as a process of the line does, which knows what is on disk."""
         self.is_halted = False
-        self.stopped: dict[UUID, Found] = {}
+        self.stopped: dict[UUID, FoundDevice] = {}
 
     def kill_line(self) -> None:
         super().kill_line()
@@ -179,7 +179,7 @@ class HaltingHost(SimHost):
     def stop(self, stop_id: UUID) -> None:
         """Take a stop of the lab, as the uplink does."""
         with self.write() as tx:
-            host_state.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
+            host_state.write_stop(tx, StopLabFrame(stop_id=stop_id, issued_by="ada"))
 
     def watch(self) -> None:
         """Look after the latch and the halts that are owed, beside the line."""
@@ -230,18 +230,18 @@ class HaltingWorld(World):
 
     # --- devices ---
 
-    def halt(self, host: SimHost, device_id: UUID) -> Found:
+    def halt(self, host: SimHost, device_id: UUID) -> FoundDevice:
         """Let a device be halted; it may not hear, or hear and not say so."""
         assert isinstance(host, HaltingHost)
         if device_id in host.silent:
-            return Found(is_halted=False, is_owed=True, text="it does not answer")
+            return FoundDevice(is_halted=False, is_owed=True, text="it does not answer")
         if not self.is_calm and host.rng.random() < 0.15:
             if host.rng.getrandbits(1):
                 self.set_to[device_id] = None
-            return Found(is_halted=True, is_owed=True, text="it could not be halted")
+            return FoundDevice(is_halted=True, is_owed=True, text="it could not be halted")
         self.set_to[device_id] = None
         self.loose.discard(device_id)
-        return Found(is_halted=True, text="it stands")
+        return FoundDevice(is_halted=True, text="it stands")
 
     def finish(self, host: SimHost, started: Started) -> Report:
         assert isinstance(host, HaltingHost)

@@ -8,8 +8,8 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.runs.exclusive_use import run_claims, run_holds
-from labweb.domain.runs.exclusive_use.run_claims import Claims, Stand
-from labweb.domain.runs.exclusive_use.run_holds import Ask, Mode, Party, Refusal, Scene
+from labweb.domain.runs.exclusive_use.run_claims import Claims, JobProgress
+from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, HoldScene, Party, Refusal, UseMode
 from tests.simulation.mutants import Mutant, Patch
 
 
@@ -22,7 +22,7 @@ def order_is_not_kept(patch: Patch) -> None:
     """Who comes later overtakes who waits."""
     real = run_holds.refusal
 
-    def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
+    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
         return real(asker, ask, replace(scene, waiting=()))
 
     patch.setattr(run_holds, "refusal", refusal)
@@ -32,7 +32,7 @@ def released_too_early(patch: Patch) -> None:
     """A run lets everything go with each job that ends."""
 
     def released(
-        declared: Claims, jobs: Sequence[Stand], held: Iterable[UUID], *, has_ended: bool
+        declared: Claims, jobs: Sequence[JobProgress], held: Iterable[UUID], *, has_ended: bool
     ) -> set[UUID]:
         return set(held)
 
@@ -48,8 +48,8 @@ def held_by_nobody(patch: Patch) -> None:
     """What another run holds is in nobody's way."""
     real = run_holds.refusal
 
-    def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
-        free: Mapping[UUID, Mode] = {}
+    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
+        free: Mapping[UUID, UseMode] = {}
         parties = [one if one.id == asker.id else replace(one, held=free) for one in scene.parties]
         return real(asker, ask, replace(scene, parties=parties))
 
@@ -68,9 +68,9 @@ def claimed_at_first_use(patch: Patch) -> None:
     patch.setattr(run_claims, "claims_of", claims_of)
 
 
-def _late(one: run_claims.Claim) -> run_claims.Claim:
+def _late(one: run_claims.RunClaim) -> run_claims.RunClaim:
     plain = {name: getattr(one, name) for name in one.__struct_fields__}
-    return run_claims.Claim(**{**plain, "is_from_start": False})
+    return run_claims.RunClaim(**{**plain, "is_from_start": False})
 
 
 OF_HOLDS: tuple[Mutant, ...] = (

@@ -13,8 +13,8 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
 from labweb.domain.runs.exclusive_use import run_claims
-from labweb.domain.runs.exclusive_use.run_claims import Claims, Stand, Use, Way
-from labweb.domain.runs.exclusive_use.run_holds import Ask, Mode, Party, Scene
+from labweb.domain.runs.exclusive_use.run_claims import Claims, DeviceWay, JobProgress, Use
+from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, HoldScene, Party, UseMode
 from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
 from tests.simulation import schedule
 from tests.simulation.checks import SENT, require
@@ -69,8 +69,8 @@ KINDS = {
 class HoldingServer(HaltingServer):
     """The rules of holds, as the services call them."""
 
-    held: dict[int, dict[UUID, Mode]]
-    waiting: dict[int, Ask]
+    held: dict[int, dict[UUID, UseMode]]
+    waiting: dict[int, HoldAsk]
     declared: dict[int, Claims]
     asked_at: dict[int, tuple[float, int]]
 
@@ -87,7 +87,7 @@ class HoldingServer(HaltingServer):
         for run in runs:
             self.held[run] = {}
 
-    def stands(self, run: int) -> list[Stand]:
+    def stands(self, run: int) -> list[JobProgress]:
         """Return where the jobs of a run stand."""
         return [
             run_claims.stand_of(one.index, one.state, "", one.halted_by)
@@ -105,12 +105,12 @@ class HoldingServer(HaltingServer):
         asked = run_claims.asked_by(declared, stands, sent, used, held)
         if not asked:
             return True
-        scene = Scene(
+        scene = HoldScene(
             parties=[self._party(other) for other in sorted(self.held)],
             waiting=[ask for other, ask in sorted(self.waiting.items()) if self._waits(other)],
         )
         turn = self.waiting[run].turn if run in self.waiting else (self.watch.now_s, run)
-        whole = Ask(run_id=id_of(0, run), turn=turn, wanted=run_claims.modes_in(asked))
+        whole = HoldAsk(run_id=id_of(0, run), turn=turn, wanted=run_claims.modes_in(asked))
         refused, kept = run_claims.decide(self._party(run), whole, asked, scene)
         if refused is not None:
             self.waiting[run] = kept
@@ -118,19 +118,23 @@ class HoldingServer(HaltingServer):
         return self._take(run, asked, turn, members)
 
     def _take(
-        self, run: int, asked: list[run_claims.Claim], turn: tuple[float, int], members: list[Job]
+        self,
+        run: int,
+        asked: list[run_claims.RunClaim],
+        turn: tuple[float, int],
+        members: list[Job],
     ) -> bool:
         """Take what was granted; where a lock is in the way, keep the place in the line."""
         targets = frozenset().union(*(one.targets for one in members))
         in_use = {lock.resource_id for one in self.attempts.values() for lock in one.locks}
         if not targets.isdisjoint(in_use):
             wanted = run_claims.modes_in(one for one in asked if one.is_kept)
-            self.waiting[run] = Ask(run_id=id_of(0, run), turn=turn, wanted=wanted)
+            self.waiting[run] = HoldAsk(run_id=id_of(0, run), turn=turn, wanted=wanted)
             return False
         self.waiting.pop(run, None)
         held = self.held[run]
         for node, mode in run_claims.modes_in(asked).items():
-            held[node] = mode if held.get(node) in {None, mode} else Mode.ALONE
+            held[node] = mode if held.get(node) in {None, mode} else UseMode.ALONE
         return True
 
     def _waits(self, run: int) -> bool:
@@ -161,7 +165,7 @@ class HoldingServer(HaltingServer):
 
 
 def _use_of(one: Job) -> Use:
-    way = Way(
+    way = DeviceWay(
         device_id=one.device_id, operation=one.operation, args={}, locks=tuple(sorted(one.targets))
     )
     return Use(index=one.index, step_id=str(STEP_OF[one.index]), action=one.action, ways=(way,))

@@ -8,24 +8,24 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages.commands import Batch, Command, Do
+from labweb.domain.messages.commands import Command, Do, HostBatch
 from labweb.domain.messages.devices_and_drivers import Signed
-from labweb.domain.messages.events import Ack, EdgeEvent, Events
-from labweb.domain.messages.session import Hello, Resume, Welcome
+from labweb.domain.messages.events import Ack, EdgeEvent, EventsFrame
+from labweb.domain.messages.session import Hello, ResumeSession, Welcome
 from labweb.domain.runs.host_actions import (
     action_execution,
     command_acceptance,
     host_batch,
     host_state,
 )
-from labweb.domain.runs.host_actions.action_execution import Scene, Started
+from labweb.domain.runs.host_actions.action_execution import HostScene, Started
 from labweb.domain.runs.host_journal import action_states
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from labweb.domain.runs.host_journal.event_bodies import report_from
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import (
     ActionRow,
-    Chain,
+    JournalChain,
     JournalError,
     Seal,
     find_regression,
@@ -38,13 +38,13 @@ from tests.simulation.outside import Lab
 
 
 def _action_ids(command: Command) -> list[UUID]:
-    if isinstance(command, Batch):
+    if isinstance(command, HostBatch):
         return [do.action_id for _, do in host_batch.read_members(command)]
     action_id = getattr(command, "action_id", None)
     return [] if action_id is None else [action_id]
 
 
-SCENE = Scene(pid=4242, driver_digest="d")
+SCENE = HostScene(pid=4242, driver_digest="d")
 ACK_TIMEOUT_S = 10.0
 HANDSHAKE_S = 10.0
 SILENCE_S = 20.0
@@ -104,9 +104,9 @@ class SimHost:
     def boot_id(self) -> str:
         return f"boot {self.boot_count}"
 
-    def moment(self) -> Moment:
+    def moment(self) -> HostMoment:
         now_s = self.lab.now_s
-        return Moment(boot_id=self.boot_id, mono_s=now_s - self.boot_at_s, wall_s=now_s)
+        return HostMoment(boot_id=self.boot_id, mono_s=now_s - self.boot_at_s, wall_s=now_s)
 
     def write(self, *, is_sealed: bool = True) -> MemoryWrite:
         def on_commit(has_appended: bool) -> None:
@@ -144,7 +144,9 @@ class SimHost:
     def regression(self) -> str | None:
         seal = self.seal
         known = None if seal is None else self.disk.hash_at(seal.seq)
-        chain = Chain(journal_id=self.disk.journal_id, seq=self.disk.head[0], hash_at_seal=known)
+        chain = JournalChain(
+            journal_id=self.disk.journal_id, seq=self.disk.head[0], hash_at_seal=known
+        )
         return find_regression(chain, seal)
 
     # --- supervisor ---
@@ -343,7 +345,7 @@ class SimHost:
         self.seal_up()
         self.sent_seq = found[-1].seq
         self.waiting_since_s = self.lab.now_s
-        self.link.up.append(Events(epoch=self.link_epoch, events=found))
+        self.link.up.append(EventsFrame(epoch=self.link_epoch, events=found))
         return True
 
     def events_after(self, seq: int) -> list[EdgeEvent]:
@@ -380,7 +382,7 @@ class SimHost:
                 host_state.write_ack(tx, frame.seq)
             if frame.seq >= self.sent_seq:
                 self.waiting_since_s = None
-        elif isinstance(frame, Resume) and frame.epoch == self.link_epoch:
+        elif isinstance(frame, ResumeSession) and frame.epoch == self.link_epoch:
             regression = self.regression()
             resumed(self)
             self.lost_at_s = None

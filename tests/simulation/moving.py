@@ -14,7 +14,7 @@ from labweb.domain.errors import StateError
 from labweb.domain.messages.commands import Receive, Release, ResourceView
 from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.exclusive_use import resource_custody
-from labweb.domain.runs.exclusive_use.resource_custody import Custody, CustodyState
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState, ResourceCustody
 from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from tests.simulation.checks import require
 from tests.simulation.lab import id_of
@@ -38,7 +38,7 @@ class Moving:
         self.count = 0
         self.disks = {host: Disk(host, id_of(22, host.int)) for host in HOSTS}
         self.read = dict.fromkeys(HOSTS, 0)
-        self.known: dict[UUID, Custody] = {}
+        self.known: dict[UUID, ResourceCustody] = {}
         self.commands: dict[UUID, Release | Receive] = {}
         """Unanswered commands, by vial: rung until the host has told what became of them."""
 
@@ -60,7 +60,9 @@ class Moving:
             for one in (view, part):
                 self.disks[host].resources[one.id] = HeldResource(view=one)
             self.told[part.id] = msgspec.structs.replace(part, rev=0, contents={})
-            self.known[vial] = Custody(resource_id=vial, state=CustodyState.OWNED, owner=host)
+            self.known[vial] = ResourceCustody(
+                resource_id=vial, state=CustodyState.OWNED, owner=host
+            )
 
     def step(self) -> None:
         """Do one of the things that may happen next."""

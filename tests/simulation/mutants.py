@@ -19,7 +19,7 @@ from labweb.domain.messages.session import Hello
 from labweb.domain.runs.exclusive_use import action_locks
 from labweb.domain.runs.host_actions import action_execution, host_state
 from labweb.domain.runs.host_journal import action_states
-from labweb.domain.runs.host_journal.action_states import ActionState, Answer, HostState
+from labweb.domain.runs.host_journal.action_states import ActionState, HostAnswer, HostState
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.domain.runs.host_link import host_session
 from labweb.domain.runs.host_link.host_session import HelloAnswer, HostRecord, Intake, SessionState
@@ -37,7 +37,7 @@ def no_dedupe(patch: Patch) -> None:
     """A command that comes again is taken again."""
     real = action_states.decide_accept
 
-    def decide(host: HostState, **known: Any) -> Answer:  # noqa: ANN401 - as the rule
+    def decide(host: HostState, **known: Any) -> HostAnswer:  # noqa: ANN401 - as the rule
         return real(host, **{**known, "known": None})
 
     def insert(self: MemoryWrite, row: ActionRow) -> None:
@@ -91,7 +91,7 @@ def no_epoch_check(patch: Patch) -> None:
     """A command of an older session counts."""
     real = action_states.decide_accept
 
-    def decide(host: HostState, **known: Any) -> Answer:  # noqa: ANN401 - as the rule
+    def decide(host: HostState, **known: Any) -> HostAnswer:  # noqa: ANN401 - as the rule
         return real(host, **{**known, "epoch": host.epoch})
 
     patch.setattr(action_states, "decide_accept", decide)

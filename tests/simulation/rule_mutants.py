@@ -70,7 +70,7 @@ def seal_of_any_journal(patch: Patch) -> None:
     """The seal is bound neither to its journal nor to an event of it."""
     real_find, real_raise = journal_rows.find_regression, journal_rows.is_raised
 
-    def find(chain: journal_rows.Chain, seal: Seal | None) -> str | None:
+    def find(chain: journal_rows.JournalChain, seal: Seal | None) -> str | None:
         if seal is not None:
             hash_ = seal.hash if chain.hash_at_seal is not None else None
             seal = msgspec.structs.replace(seal, journal_id=chain.journal_id)
@@ -89,7 +89,7 @@ def only_length_of_seal(patch: Patch) -> None:
     """A journal as long as its seal counts as the newest, whatever stands in it."""
     real = journal_rows.find_regression
 
-    def find(chain: journal_rows.Chain, seal: Seal | None) -> str | None:
+    def find(chain: journal_rows.JournalChain, seal: Seal | None) -> str | None:
         known = None if seal is None else seal.hash
         return real(replace(chain, hash_at_seal=known), seal)
 

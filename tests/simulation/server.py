@@ -15,8 +15,8 @@ from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import LabError
 from labweb.domain.messages.commands import Cancel, Resolve
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
-from labweb.domain.messages.events import Ack, EdgeEvent, Events
-from labweb.domain.messages.session import Hello, Resume, Welcome
+from labweb.domain.messages.events import Ack, EdgeEvent, EventsFrame
+from labweb.domain.messages.session import Hello, ResumeSession, Welcome
 from labweb.domain.runs.after_failure import recovery_choices
 from labweb.domain.runs.host_journal import action_states
 from labweb.domain.runs.host_link import host_session
@@ -134,7 +134,7 @@ class SimServer(Dispatching):
         """Take one frame of a host."""
         if isinstance(frame, Hello):
             self.open_session(link, frame)
-        elif isinstance(frame, Events):
+        elif isinstance(frame, EventsFrame):
             self._take_events(self.host(link.name), link, frame)
 
     def open_session(self, link: Link, hello: Hello) -> None:
@@ -185,7 +185,7 @@ class SimServer(Dispatching):
         link.is_resumed = host.is_resumed = True
         if host.state in {SessionState.SYNCING, SessionState.SUSPECT, SessionState.ISOLATED}:
             host.state = SessionState.ONLINE
-        link.down.append(Resume(epoch=host.record.epoch))
+        link.down.append(ResumeSession(epoch=host.record.epoch))
 
     def beat(self, link: Link, host: Host) -> None:
         """Take a sign of life."""
@@ -196,7 +196,7 @@ class SimServer(Dispatching):
         host.record = host_session.heard(host.record)
         host.state = host_session.state_by_beat(host.state, is_resumed=link.is_resumed)
 
-    def _take_events(self, host: Host, link: Link, frame: Events) -> None:
+    def _take_events(self, host: Host, link: Link, frame: EventsFrame) -> None:
         if host.record.epoch != link.server_epoch or frame.epoch != link.server_epoch:
             link.is_closed_at_server = True
             return

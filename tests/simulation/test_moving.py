@@ -12,7 +12,7 @@ import pytest
 from labweb.domain.errors import StateError
 from labweb.domain.messages.commands import Release, ResourceView
 from labweb.domain.runs.exclusive_use import resource_custody
-from labweb.domain.runs.exclusive_use.resource_custody import Custody, CustodyState
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState, ResourceCustody
 from labweb.domain.runs.host_journal.journal_rows import JournalWrite
 from tests.simulation.checks import ViolationError
 from tests.simulation.lab import id_of
@@ -21,7 +21,7 @@ from tests.simulation.moving import play
 
 COUNT = 20_000 if os.environ.get("LABWEB_SOAK") else 200
 A, B, VIAL, MOVE = id_of(1), id_of(2), id_of(3), id_of(4)
-OWNED = Custody(resource_id=VIAL, state=CustodyState.OWNED, owner=A)
+OWNED = ResourceCustody(resource_id=VIAL, state=CustodyState.OWNED, owner=A)
 VIEW = ResourceView(id=VIAL, name="vial", kind="vial", rev=4)
 Patch = pytest.MonkeyPatch
 
@@ -53,8 +53,10 @@ def moved_while_moving(patch: Patch) -> None:
     """A thing on its way is sent elsewhere."""
     real = resource_custody.ask
 
-    def asked(known: Custody, *, transfer_id: UUID, target: UUID, in_use: object) -> Custody:
-        still = Custody(
+    def asked(
+        known: ResourceCustody, *, transfer_id: UUID, target: UUID, in_use: object
+    ) -> ResourceCustody:
+        still = ResourceCustody(
             resource_id=known.resource_id,
             state=CustodyState.OWNED,
             owner=known.owner or A,
@@ -139,6 +141,6 @@ def test_only_the_owner_lets_go_and_only_the_target_receives() -> None:
     with pytest.raises(StateError, match="not sent"):
         resource_custody.after_received(moving, host=A, transfer_id=MOVE)
     arrived = resource_custody.after_received(moving, host=B, transfer_id=MOVE)
-    assert arrived == Custody(resource_id=VIAL, state=CustodyState.OWNED, owner=B)
+    assert arrived == ResourceCustody(resource_id=VIAL, state=CustodyState.OWNED, owner=B)
     assert resource_custody.after_kept(leaving, host=A, transfer_id=MOVE) == OWNED
     assert resource_custody.after_kept(leaving, host=B, transfer_id=MOVE) == leaving

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from labweb.domain.runs.halts import halted_setpoints, standing_setpoints, vanished_setpoints
-from labweb.domain.runs.halts.standing_setpoints import Stands
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch
 from tests.simulation.vanishing import VanishingHost
@@ -41,7 +41,7 @@ def loss_is_told_again(patch: Patch) -> None:
     """What is told as lost is watched on."""
     real = standing_setpoints.put_stands
 
-    def put(tx: MemoryWrite, device_id: Any, sort: str, one: Stands | None) -> None:  # noqa: ANN401
+    def put(tx: MemoryWrite, device_id: Any, sort: str, one: StandingSetpoint | None) -> None:  # noqa: ANN401
         if one is not None:
             real(tx, device_id, sort, one)
 
@@ -52,7 +52,7 @@ def old_loss_counts(patch: Patch) -> None:
     """A loss is told of an action whose set-point another one has taken the place of."""
     real = vanished_setpoints.write_vanished
 
-    def write(tx: MemoryWrite, device: Any, one: Stands, *rest: Any) -> bool:  # noqa: ANN401
+    def write(tx: MemoryWrite, device: Any, one: StandingSetpoint, *rest: Any) -> bool:  # noqa: ANN401
         standing_setpoints.put_stands(tx, device.id, "flow", one)
         return real(tx, device, one, *rest)
 

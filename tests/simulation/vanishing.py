@@ -16,10 +16,10 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd.operations import Update
-from labweb.domain.enrollment.setpoint_readback import Kept, Sort
+from labweb.domain.enrollment.setpoint_readback import KeptReading, ReadbackVerdict
 from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.halts import standing_setpoints, vanished_setpoints
-from labweb.domain.runs.halts.standing_setpoints import Stands
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.domain.runs.states.job_states import JobState
 from tests.simulation import halts
@@ -38,7 +38,7 @@ from tests.simulation.schedule import Step, calm_round, drain
 from tests.simulation.server import SimServer
 from tests.simulation.world import STEPS, World
 
-Known = dict[UUID, dict[str, Stands]]
+Known = dict[UUID, dict[str, StandingSetpoint]]
 
 
 class VanishingServer(HaltingServer):
@@ -102,9 +102,14 @@ class VanishingHost(HaltingHost):
                     self._tell(lab, device_id, one, asked, found)
 
     def _tell(
-        self, lab: VanishingWorld, device_id: UUID, one: Stands, asked: float, found: float | None
+        self,
+        lab: VanishingWorld,
+        device_id: UUID,
+        one: StandingSetpoint,
+        asked: float,
+        found: float | None,
     ) -> None:
-        kept = Kept(status=SETPOINT, sort=Sort.SETPOINT, asked=asked)
+        kept = KeptReading(status=SETPOINT, sort=ReadbackVerdict.SETPOINT, asked=asked)
         device = _config(PUMP_OF[device_id])
         with self.write() as tx:
             is_told = vanished_setpoints.write_vanished(tx, device, one, kept, found or 0.0)
@@ -134,7 +139,7 @@ class VanishingWorld(HaltingWorld):
     def make_host(self, name: str, rng: Random) -> SimHost:
         return VanishingHost(name, self, rng)
 
-    def asked_by(self, host: SimHost, one: Stands) -> float:
+    def asked_by(self, host: SimHost, one: StandingSetpoint) -> float:
         """Return what an action was to set."""
         operation = host.disk.actions[one.action_id].operation
         return float(cast("Update", operation).data[SETPOINT])

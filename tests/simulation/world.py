@@ -25,8 +25,7 @@ from tests.simulation.link import Link
 from tests.simulation.rows import Attempt, Host, Job, Policy
 from tests.simulation.server import SimServer
 
-STEPS = 220
-DRAIN_ROUNDS = 400
+STEPS, DRAIN_ROUNDS = 220, 400
 Post = tuple[Signed, Command]
 
 
@@ -36,8 +35,7 @@ class World:
     def __init__(self, seed: int, *, trace: list[str] | None = None) -> None:
         self.rng = Random(seed)
         self.trace = trace
-        self.now_s = 1000.0
-        self.server_up_at_s = 1000.0
+        self.now_s = self.server_up_at_s = 1000.0
         self.matter = Matter()
         self.server = self.make_server()
         self.hosts = {name: self.make_host(name, Random(f"{seed} {name}")) for name in HOSTS}

@@ -14,7 +14,7 @@ from drivers.base import Driver, Report
 from drivers.load import call_action
 from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.messages.commands import Cancel, Resolve
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import (
@@ -225,7 +225,7 @@ def test_reading_statuses_moves_nothing_and_keeps_the_readings(
 def test_nothing_starts_while_the_host_is_not_armed_or_stopped(
     host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     assert host.state(run(host)) == "accepted"
     with host.journal.write() as tx:
         tx.set_meta("stop_id", None)
@@ -238,7 +238,7 @@ def test_nothing_starts_while_the_host_is_not_armed_or_stopped(
 def test_a_line_that_is_held_does_not_read_its_queue(host: Host, pump: PumpProcess) -> None:
     """It is woken each second, and the queue may be long."""
     host.take(a_do(host.server))
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     asked: list[str] = []
     with host.executor() as executor:
         host.journal._connection.set_trace_callback(asked.append)

@@ -13,7 +13,7 @@ from labweb.domain.enrollment.setpoint_readback import setting_actions
 from labweb.domain.messages.commands import ResourceView
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts.halted_setpoints import RUN_ABORTED, owe_halt
-from labweb.domain.runs.halts.standing_setpoints import Stands, put_stands, read_stands
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint, put_stands, read_stands
 from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from tests.drivers.conformance.cases import HEATER_STIRRERS
 from tests.drivers.conformance.placed_models import SPEED, Bench, Case, running
@@ -65,7 +65,7 @@ class Watching:
     def complete(self, action: str, args: dict[str, float]) -> None:
         """Carry an action out, and write down that it completed."""
         self.unit.act(action, dict(args))
-        stands = Stands(action_id=uuid4(), action=action, args=dict(args))
+        stands = StandingSetpoint(action_id=uuid4(), action=action, args=dict(args))
         with self.host.journal.write() as tx:
             put_stands(tx, self.device.id, "heat" if "heat" in action else "motion", stands)
 

@@ -26,7 +26,7 @@ from labweb.crutd.models import Ticket as Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.crutd.mass_balance import Move
+from labweb.domain.crutd.mass_balance import MassMove
 from labweb.domain.crutd.provenance.ledger_flows import is_nominal
 from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.crutd.transaction_states import FINAL, TransactionState
@@ -369,12 +369,12 @@ def given_up(lab: Lab) -> list[GivenUp]:
     return sorted(found, key=lambda one: one.at)
 
 
-def posted_by(job_ids: Iterable[UUID]) -> list[Move]:
+def posted_by(job_ids: Iterable[UUID]) -> list[MassMove]:
     """Return what the jobs moved, entry by entry."""
     rows = Entry.objects.filter(state=Entry.State.POSTED, transaction__job_id__in=list(job_ids))
     columns = ("lot_id", "debit", "credit", "amount_nl", "amount_ug")
     return [
-        Move(LotId(str(lot)), debit, credit, nl, ug)
+        MassMove(LotId(str(lot)), debit, credit, nl, ug)
         for lot, debit, credit, nl, ug in rows.values_list(*columns)
     ]
 

@@ -19,8 +19,8 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.event_replay import (
     Dated,
     Happening,
-    Node,
     Replay,
+    ReplayNode,
     as_of,
     begin,
     differences,
@@ -150,8 +150,8 @@ def kept(lab: Lab) -> Replay:
     return Replay(nodes, balances, {str(key): state for key, state in states}, links)
 
 
-def _node(row: Resource) -> Node:
-    return Node(
+def _node(row: Resource) -> ReplayNode:
+    return ReplayNode(
         id=row.id,
         key=row.key,
         name=row.name,
@@ -211,14 +211,14 @@ def as_it_was(lab: Lab, at: datetime, *, now: datetime) -> Past:
     return Past([_row(node, lab) for node in ordered], contents, depths)
 
 
-def _depth(node: Node, nodes: dict[UUID, Node]) -> int:
+def _depth(node: ReplayNode, nodes: dict[UUID, ReplayNode]) -> int:
     depth = 0
     while node.parent_id is not None:
         node, depth = nodes[node.parent_id], depth + 1
     return depth
 
 
-def _row(node: Node, lab: Lab) -> Resource:
+def _row(node: ReplayNode, lab: Lab) -> Resource:
     return Resource(
         id=node.id,
         lab=lab,

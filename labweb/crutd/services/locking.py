@@ -18,7 +18,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import Finding, LockedError
 from labweb.domain.runs.exclusive_use.action_locks import Lock, conflicts, lock_set
-from labweb.domain.runs.exclusive_use.reservations import Claim, in_the_way
+from labweb.domain.runs.exclusive_use.reservations import ReservedLock, in_the_way
 from labweb.domain.runs.exclusive_use.run_holds import ROOMY, places_of
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Resource
@@ -159,7 +159,7 @@ def reserved_findings(
 
 
 def _in_the_way(
-    wanted: Sequence[Lock], claims: Sequence[Claim], actor_id: UUID | None
+    wanted: Sequence[Lock], claims: Sequence[ReservedLock], actor_id: UUID | None
 ) -> list[Finding]:
     rows = [reserved.find_reservation(one) for one in in_the_way(wanted, claims)]
     actor = account_selectors.user_by_id(actor_id) if rows and actor_id is not None else None

@@ -27,7 +27,7 @@ from labweb.crutd.selectors.past import base_of, rebuild_differences, replayed
 from labweb.crutd.services.importing import rows_of
 from labweb.crutd.services.posting import reserve
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.event_replay import Node, Replay
+from labweb.domain.crutd.event_replay import Replay, ReplayNode
 from labweb.domain.crutd.ledger import posting_from
 from labweb.domain.crutd.reserved_amounts import reservations
 from labweb.domain.crutd.transaction_states import FINAL, TransactionState
@@ -196,8 +196,8 @@ def _write_rows(lab: Lab, base: LabFile, told: Replay) -> None:
             resource_services.rewrite_lots(operation, lab)
 
 
-def _parents_first(nodes: list[Node]) -> Iterator[Node]:
-    below: dict[UUID | None, list[Node]] = {}
+def _parents_first(nodes: list[ReplayNode]) -> Iterator[ReplayNode]:
+    below: dict[UUID | None, list[ReplayNode]] = {}
     for node in nodes:
         below.setdefault(node.parent_id, []).append(node)
     left = below.get(None, [])
@@ -206,7 +206,7 @@ def _parents_first(nodes: list[Node]) -> Iterator[Node]:
         left = [child for node in left for child in below.get(node.id, ())]
 
 
-def _resource(lab: Lab, node: Node, imported: Resource | None) -> Resource:
+def _resource(lab: Lab, node: ReplayNode, imported: Resource | None) -> Resource:
     return Resource(
         id=node.id,
         lab=lab,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
+from labweb.domain.workflows.plan import CapableDevice, Plan, PlannedJob
 
 
 class TemperatureAtLeast(
@@ -39,7 +39,7 @@ def asks(rule: Rule, plan: Plan) -> bool:
     )
 
 
-def _temperatures(job: PlannedJob | Choice) -> Iterator[object]:
+def _temperatures(job: PlannedJob | CapableDevice) -> Iterator[object]:
     yield job.args.get("temperature_c")
     yield from (one.asked for one in job.corrections if one.argument == "temperature_c")
 

@@ -10,7 +10,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta
 
-from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.correction import CalibrationQuantity
 from labweb.domain.calibration.gravimetric_volume import (
     LEAST_REPEATS,
     LEVELS_RATIO,
@@ -65,9 +65,9 @@ class VolumeOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     valid_days: Annotated[int, Meta(ge=0, le=1_000_000)] = 365
 
     @property
-    def quantity(self) -> Quantity:
+    def quantity(self) -> CalibrationQuantity:
         """Tell what is calibrated."""
-        return Quantity.VOLUME
+        return CalibrationQuantity.VOLUME
 
     @property
     def vessel_ids(self) -> list[UUID]:
@@ -114,9 +114,9 @@ class PhOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     valid_days: Annotated[int, Meta(ge=0, le=1_000_000)] = 7
 
     @property
-    def quantity(self) -> Quantity:
+    def quantity(self) -> CalibrationQuantity:
         """Tell what is calibrated."""
-        return Quantity.PH
+        return CalibrationQuantity.PH
 
     @property
     def vessel_ids(self) -> list[UUID]:
@@ -155,9 +155,9 @@ class TemperatureOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     valid_days: Annotated[int, Meta(ge=0, le=1_000_000)] = 365
 
     @property
-    def quantity(self) -> Quantity:
+    def quantity(self) -> CalibrationQuantity:
         """Tell what is calibrated."""
-        return Quantity.TEMPERATURE
+        return CalibrationQuantity.TEMPERATURE
 
     @property
     def vessel_ids(self) -> list[UUID]:

@@ -14,10 +14,10 @@ from labweb.domain.calibration.correction import (
     DIGITS,
     IS_RELATIVE,
     SYMBOLS,
-    Level,
-    Quantity,
+    CalibrationQuantity,
+    CorrectionLevel,
 )
-from labweb.domain.calibration.line_fit import Line, Point, fit_gain, fit_line
+from labweb.domain.calibration.line_fit import FittedLine, Point, fit_gain, fit_line
 from labweb.domain.errors import Finding
 
 NERNST_MV = 59.16
@@ -81,10 +81,10 @@ class LevelResult(msgspec.Struct, frozen=True, kw_only=True):
     """Expanded uncertainty (k = 2) of one corrected value."""
 
 
-class Result(msgspec.Struct, frozen=True, kw_only=True):
+class CalibrationOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """What a calibration found. With a finding it cannot be accepted."""
 
-    quantity: Quantity
+    quantity: CalibrationQuantity
     gain: float
     offset: float
     gain_expanded: float
@@ -99,10 +99,10 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
     findings: tuple[Finding, ...] = ()
 
-    def certified(self) -> tuple[Level, ...]:
+    def certified(self) -> tuple[CorrectionLevel, ...]:
         """Return how sure a corrected value is, by true value."""
         return tuple(
-            Level(
+            CorrectionLevel(
                 value=round(self.offset + self.gain * one.indicated, DIGITS), expanded=one.expanded
             )
             for one in self.levels
@@ -110,12 +110,12 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def judge(
-    quantity: Quantity,
+    quantity: CalibrationQuantity,
     points: Sequence[Point],
     criteria: Criteria,
     *,
     others: Iterable[Finding] = (),
-) -> Result | list[Finding]:
+) -> CalibrationOutcome | list[Finding]:
     """Fit the points and list all that speaks against the result.
 
     Args:
@@ -130,23 +130,23 @@ def judge(
     found = [*others, *_check_enough(points, criteria)]
     if any(one.code == "calibration.too_few_points" for one in found):
         return found
-    line = fit_gain(points) if quantity is Quantity.VOLUME else fit_line(points)
+    line = fit_gain(points) if quantity is CalibrationQuantity.VOLUME else fit_line(points)
     levels = tuple(
         _level(line, at, [point for point in points if point.level == at], criteria)
         for at in sorted({point.level for point in points})
     )
     found += _check_order(levels)
-    if quantity is Quantity.VOLUME:
+    if quantity is CalibrationQuantity.VOLUME:
         found += _check_pump(line, points, levels, criteria)
-    if quantity is Quantity.TEMPERATURE:
+    if quantity is CalibrationQuantity.TEMPERATURE:
         found += _check_probe(levels, criteria)
     found += _check_drift(quantity, line, points, criteria)
     found += _check_uncertainty(quantity, levels, criteria)
     slope_pct = offset_mv = None
-    if quantity is Quantity.PH:
+    if quantity is CalibrationQuantity.PH:
         slope_pct, offset_mv = _electrode(line)
         found += _check_electrode(slope_pct, offset_mv)
-    return Result(
+    return CalibrationOutcome(
         quantity=quantity,
         gain=round(line.gain, 9),
         offset=round(line.offset, 9),
@@ -160,7 +160,9 @@ def judge(
     )
 
 
-def _level(line: Line, level: float, points: Sequence[Point], criteria: Criteria) -> LevelResult:
+def _level(
+    line: FittedLine, level: float, points: Sequence[Point], criteria: Criteria
+) -> LevelResult:
     indicated = fmean(point.indicated for point in points)
     reference = fmean(point.reference for point in points)
     rests = [point.reference - line.at(point.indicated) for point in points]
@@ -217,7 +219,7 @@ def _check_order(levels: Sequence[LevelResult]) -> list[Finding]:
 
 
 def _check_pump(
-    line: Line, points: Sequence[Point], levels: Sequence[LevelResult], criteria: Criteria
+    line: FittedLine, points: Sequence[Point], levels: Sequence[LevelResult], criteria: Criteria
 ) -> list[Finding]:
     found = []
     if not GAIN[0] <= line.gain <= GAIN[1]:
@@ -264,7 +266,7 @@ def _check_probe(levels: Sequence[LevelResult], criteria: Criteria) -> list[Find
 
 
 def _check_drift(
-    quantity: Quantity, line: Line, points: Sequence[Point], criteria: Criteria
+    quantity: CalibrationQuantity, line: FittedLine, points: Sequence[Point], criteria: Criteria
 ) -> list[Finding]:
     lasted_s = max(p.at_s for p in points) - min(p.at_s for p in points)
     if not lasted_s or len(points) < 4:
@@ -292,7 +294,7 @@ def _check_drift(
 
 
 def _check_uncertainty(
-    quantity: Quantity, levels: Sequence[LevelResult], criteria: Criteria
+    quantity: CalibrationQuantity, levels: Sequence[LevelResult], criteria: Criteria
 ) -> list[Finding]:
     found = []
     for one in levels:
@@ -305,7 +307,7 @@ def _check_uncertainty(
     return found
 
 
-def as_text(quantity: Quantity, expanded: float) -> str:
+def as_text(quantity: CalibrationQuantity, expanded: float) -> str:
     """Write an expanded uncertainty as it is asked for: a share in percent, else in its unit.
 
     Example:
@@ -317,7 +319,7 @@ def as_text(quantity: Quantity, expanded: float) -> str:
     return f"{expanded:.3g} {SYMBOLS[quantity]}"
 
 
-def _electrode(line: Line) -> tuple[float, float]:
+def _electrode(line: FittedLine) -> tuple[float, float]:
     """Return the slope in percent of Nernst, and the offset at pH 7 in millivolts."""
     slope = 1 / line.gain if line.gain else math.inf
     return 100 * slope, ((7 - line.offset) * slope - 7) * NERNST_MV

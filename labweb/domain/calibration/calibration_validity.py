@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from labweb.domain.calibration.correction import Standing
+from labweb.domain.calibration.correction import CalibrationStanding
 
 FACTS: Mapping[str, str] = {
     "driver": "its driver is another version",
@@ -24,7 +24,7 @@ def standing_of(
     was: Mapping[str, Any],
     is_now: Mapping[str, Any],
     at: datetime,
-) -> tuple[Standing, tuple[str, ...]]:
+) -> tuple[CalibrationStanding, tuple[str, ...]]:
     """Return the standing of an accepted calibration, and every reason in words.
 
     Args:
@@ -45,7 +45,7 @@ def standing_of(
     taken = ("it was withdrawn",) if is_withdrawn else ()
     reasons = (*taken, *changed, *due)
     if taken:
-        return Standing.WITHDRAWN, reasons
+        return CalibrationStanding.WITHDRAWN, reasons
     if changed:
-        return Standing.CHANGED, reasons
-    return (Standing.EXPIRED, reasons) if due else (Standing.IN_FORCE, ())
+        return CalibrationStanding.CHANGED, reasons
+    return (CalibrationStanding.EXPIRED, reasons) if due else (CalibrationStanding.IN_FORCE, ())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from labweb.domain.calibration.correction import Correction, Quantity
+from labweb.domain.calibration.correction import CalibrationQuantity, Correction
 
 
 def corrected(
@@ -28,7 +28,7 @@ def corrected(
     found: dict[str, dict[str, Any]] = {}
     for one in corrections:
         raw = told.get(one.argument)
-        is_sent = one.asked is not None and one.quantity is not Quantity.TEMPERATURE
+        is_sent = one.asked is not None and one.quantity is not CalibrationQuantity.TEMPERATURE
         if is_sent or isinstance(raw, bool) or not isinstance(raw, int | float):
             continue
         value = one.true_of(raw)

@@ -21,7 +21,7 @@ DIGITS = 6
 """Decimals that are kept of a corrected number, as all numbers of a plan."""
 
 
-class Quantity(StrEnum):
+class CalibrationQuantity(StrEnum):
     """What can be calibrated."""
 
     VOLUME = "volume"
@@ -34,21 +34,21 @@ class Quantity(StrEnum):
     """A heater's or thermostat's °C, against a reference thermometer."""
 
 
-IS_RELATIVE: Mapping[Quantity, bool] = {
-    Quantity.VOLUME: True,
-    Quantity.PH: False,
-    Quantity.TEMPERATURE: False,
+IS_RELATIVE: Mapping[CalibrationQuantity, bool] = {
+    CalibrationQuantity.VOLUME: True,
+    CalibrationQuantity.PH: False,
+    CalibrationQuantity.TEMPERATURE: False,
 }
 """Whether its uncertainty is asked for as a share of the value (1 %) or in its own unit."""
 
-SYMBOLS: Mapping[Quantity, str] = {
-    Quantity.VOLUME: "µL",
-    Quantity.PH: "pH",
-    Quantity.TEMPERATURE: "°C",
+SYMBOLS: Mapping[CalibrationQuantity, str] = {
+    CalibrationQuantity.VOLUME: "µL",
+    CalibrationQuantity.PH: "pH",
+    CalibrationQuantity.TEMPERATURE: "°C",
 }
 
 
-class Standing(StrEnum):
+class CalibrationStanding(StrEnum):
     """Whether a calibration may be relied on now."""
 
     IN_FORCE = "in_force"
@@ -62,7 +62,7 @@ class Standing(StrEnum):
     """A person took it back."""
 
 
-class Level(msgspec.Struct, frozen=True, kw_only=True):
+class CorrectionLevel(msgspec.Struct, frozen=True, kw_only=True):
     """How sure a corrected value is at one calibrated level."""
 
     value: float
@@ -72,33 +72,33 @@ class Level(msgspec.Struct, frozen=True, kw_only=True):
     """Expanded uncertainty (k = 2) of one value there, in the same unit."""
 
 
-class Calibration(msgspec.Struct, frozen=True, kw_only=True):
+class AcceptedCalibration(msgspec.Struct, frozen=True, kw_only=True):
     """An accepted calibration of one quantity of one device.
 
     The device's own number and the true one are linked by `true = offset + gain × device`.
     """
 
     id: UUID
-    quantity: Quantity
+    quantity: CalibrationQuantity
     number: int
     """Version, from 1; a newer one supersedes it and never edits it."""
 
     gain: float
     offset: float = 0.0
-    levels: tuple[Level, ...]
+    levels: tuple[CorrectionLevel, ...]
     """Calibrated levels, the lowest first. Nothing is said beyond the first and the last."""
 
     expires_at: datetime | None = None
     """Its due date; None: a calibration that never was a row, as in a trial."""
 
-    standing: Standing = Standing.IN_FORCE
+    standing: CalibrationStanding = CalibrationStanding.IN_FORCE
     reasons: tuple[str, ...] = ()
     """Why it is not in force, in words."""
 
     @property
     def is_in_force(self) -> bool:
         """Tell whether it corrects anything now."""
-        return self.standing is Standing.IN_FORCE
+        return self.standing is CalibrationStanding.IN_FORCE
 
     def true_of(self, device_value: float) -> float:
         """Return the true value of a number of the device."""
@@ -142,7 +142,7 @@ class Correction(msgspec.Struct, frozen=True, kw_only=True):
     argument: str
     """Argument of the action, `volume_ul`; or the status that it reads, `value_ph`."""
 
-    quantity: Quantity
+    quantity: CalibrationQuantity
     asked: float | None
     """True value that is wanted; None: it is read."""
 
@@ -167,12 +167,14 @@ class Correction(msgspec.Struct, frozen=True, kw_only=True):
 
     def true_of(self, device_value: float) -> float:
         """Return the true value of what the device tells of it; nothing stays nothing."""
-        if device_value == 0 and self.quantity is Quantity.VOLUME:
+        if device_value == 0 and self.quantity is CalibrationQuantity.VOLUME:
             return 0.0
         return round(self.offset + self.gain * device_value, DIGITS)
 
 
-def correction_of(calibration: Calibration, argument: str, asked: float | None) -> Correction:
+def correction_of(
+    calibration: AcceptedCalibration, argument: str, asked: float | None
+) -> Correction:
     """Return the correction of one argument; without a value, of one status that is read.
 
     Example:

@@ -6,13 +6,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from uuid import UUID
 
 from labweb.domain.calibration.calibration_result import as_text
-from labweb.domain.calibration.correction import IS_RELATIVE, Calibration, Correction, Standing
+from labweb.domain.calibration.correction import (
+    IS_RELATIVE,
+    AcceptedCalibration,
+    CalibrationStanding,
+    Correction,
+)
 from labweb.domain.errors import Finding
 
-_CODES: Mapping[Standing, str] = {
-    Standing.WITHDRAWN: "calibration.withdrawn",
-    Standing.CHANGED: "calibration.changed",
-    Standing.EXPIRED: "calibration.expired",
+_CODES: Mapping[CalibrationStanding, str] = {
+    CalibrationStanding.WITHDRAWN: "calibration.withdrawn",
+    CalibrationStanding.CHANGED: "calibration.changed",
+    CalibrationStanding.EXPIRED: "calibration.expired",
 }
 _WHAT_TO_DO = (
     "calibrate the device, then change the rest of the run or start it again, so that its numbers "
@@ -23,7 +28,7 @@ _WHAT_TO_DO = (
 def check_sending(
     device: str,
     corrections: Iterable[Correction],
-    known: Mapping[UUID, Calibration],
+    known: Mapping[UUID, AcceptedCalibration],
     newest: Mapping[str, int],
 ) -> list[Finding]:
     """List why a job may not go with the numbers that it was planned with; empty means go.
@@ -46,14 +51,16 @@ def check_sending(
 
 
 def _check(
-    device: str, one: Correction, found: Calibration | None, newest: Mapping[str, int]
+    device: str, one: Correction, found: AcceptedCalibration | None, newest: Mapping[str, int]
 ) -> Iterator[Finding]:
     what = f"calibration {one.number} of {one.quantity.value} of {device}"
     if found is None:
         yield Finding("calibration.missing", f"{what} is not there any more: {_WHAT_TO_DO}")
         return
     is_only_read = one.asked is None and one.needs is None
-    if not found.is_in_force and not (is_only_read and found.standing is Standing.EXPIRED):
+    if not found.is_in_force and not (
+        is_only_read and found.standing is CalibrationStanding.EXPIRED
+    ):
         text = f"{what} does not hold any more ({'; '.join(found.reasons)}): {_WHAT_TO_DO}"
         yield Finding(_CODES[found.standing], text)
         return
@@ -67,7 +74,7 @@ def _check(
 
 
 def _check_uncertainty(
-    what: str, one: Correction, found: Calibration, needs: float
+    what: str, one: Correction, found: AcceptedCalibration, needs: float
 ) -> Iterator[Finding]:
     values = [level.value for level in found.levels] if one.asked is None else [one.asked]
     for value in values:

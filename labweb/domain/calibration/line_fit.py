@@ -30,7 +30,7 @@ class Point(msgspec.Struct, frozen=True, kw_only=True):
     """When, in seconds from the first."""
 
 
-class Line(msgspec.Struct, frozen=True, kw_only=True):
+class FittedLine(msgspec.Struct, frozen=True, kw_only=True):
     """`reference = offset + gain × indicated`, by least squares."""
 
     gain: float
@@ -60,7 +60,7 @@ class Line(msgspec.Struct, frozen=True, kw_only=True):
         return math.sqrt(max(0.0, variance))
 
 
-def fit_gain(points: Sequence[Point]) -> Line:
+def fit_gain(points: Sequence[Point]) -> FittedLine:
     """Fit a line through zero; every point weighs by its share, as a pump's error is one.
 
     Raises:
@@ -81,7 +81,7 @@ def fit_gain(points: Sequence[Point]) -> Line:
     gain = math.fsum(ratios) / len(ratios)
     freedom = len(ratios) - 1
     spread = math.sqrt(math.fsum((ratio - gain) ** 2 for ratio in ratios) / freedom)
-    return Line(
+    return FittedLine(
         gain=gain,
         offset=0.0,
         gain_variance=spread**2 / len(ratios),
@@ -92,7 +92,7 @@ def fit_gain(points: Sequence[Point]) -> Line:
     )
 
 
-def fit_line(points: Sequence[Point]) -> Line:
+def fit_line(points: Sequence[Point]) -> FittedLine:
     """Fit gain and offset, every point with the same weight.
 
     Raises:
@@ -115,7 +115,7 @@ def fit_line(points: Sequence[Point]) -> Line:
     freedom = count - 2
     rest = math.fsum((p.reference - offset - gain * p.indicated) ** 2 for p in points)
     variance = rest / freedom
-    return Line(
+    return FittedLine(
         gain=gain,
         offset=offset,
         gain_variance=variance / width,

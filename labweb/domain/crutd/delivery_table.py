@@ -27,7 +27,7 @@ _MOST_AMOUNT = 999_999_999_999_999
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class DeliveryShare:
     """What of a delivery comes into one vessel."""
 
     row: int
@@ -45,7 +45,7 @@ class Delivery:
     lot: str
     material: str
     phase: Phase
-    shares: tuple[Share, ...]
+    shares: tuple[DeliveryShare, ...]
     supplier: str = ""
     number: str = ""
     purity: str = ""
@@ -263,7 +263,8 @@ def _delivery(lot: str, lines: Sequence[tuple[int, Mapping[str, str]]]) -> Deliv
     first = lines[0][1]
     phase = Phase(first["phase"])
     shares = tuple(
-        Share(row, cells["vessel"], _amount(cells["amount"], phase) or 0) for row, cells in lines
+        DeliveryShare(row, cells["vessel"], _amount(cells["amount"], phase) or 0)
+        for row, cells in lines
     )
     return Delivery(
         lot=lot,

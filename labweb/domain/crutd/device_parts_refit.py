@@ -15,7 +15,7 @@ from labweb.domain.errors import Finding
 from labweb.domain.graph.attachments import to_json
 from labweb.domain.graph.lab_file.resource_config import check_config
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.resources.placement import Thing, check_arriving
+from labweb.domain.resources.placement import PlacedThing, check_arriving
 from labweb.domain.resources.resource_kinds import KINDS
 from labweb.domain.units import render_mass, render_volume
 
@@ -53,11 +53,11 @@ def _check_places(operation: Refit, snapshot: Snapshot, facts: Facts) -> list[Fi
         for place in facts.places
     ]
     arriving = [
-        (Thing(one.resource_id, one.name, one.kind), one.parent_id) for one in operation.added
+        (PlacedThing(one.resource_id, one.name, one.kind), one.parent_id) for one in operation.added
     ]
     for resource_id, parent_id in operation.back.items():
         state = snapshot[resource_id]
-        arriving.append((Thing(state.id, state.name, state.kind), parent_id))
+        arriving.append((PlacedThing(state.id, state.name, state.kind), parent_id))
     return check_arriving(arriving, places)
 
 

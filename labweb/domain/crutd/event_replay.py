@@ -34,7 +34,7 @@ class Happening:
 
 
 @dataclass(slots=True, kw_only=True)
-class Node:
+class ReplayNode:
     """One resource as the events left it."""
 
     id: UUID
@@ -56,7 +56,7 @@ class Node:
 class Replay:
     """The tree, the ledger and the transactions at one moment."""
 
-    nodes: dict[UUID, Node] = field(default_factory=dict)
+    nodes: dict[UUID, ReplayNode] = field(default_factory=dict)
     balances: dict[tuple[str, LotId], Amount] = field(default_factory=dict)
     states: dict[str, str] = field(default_factory=dict)
     """State of each transaction that an event tells of."""
@@ -104,7 +104,7 @@ def begin(lab: LabFile) -> Replay:
     """Return the lab as it was imported, before its first event: the tree, and no matter."""
     replay = Replay()
     for position, resource in enumerate(lab.resources):
-        replay.nodes[resource.id] = Node(
+        replay.nodes[resource.id] = ReplayNode(
             id=resource.id,
             key=resource.key,
             name=resource.name,
@@ -176,11 +176,11 @@ def _apply(replay: Replay, event: Happening) -> None:
     _count(replay, event.body, postings)
 
 
-def _each(replay: Replay, changed: Mapping[str, Any]) -> Iterator[tuple[Node, Any]]:
+def _each(replay: Replay, changed: Mapping[str, Any]) -> Iterator[tuple[ReplayNode, Any]]:
     return ((replay.nodes[UUID(key)], value) for key, value in changed.items())
 
 
-def _listed(replay: Replay, ids: Iterable[str]) -> Iterator[Node]:
+def _listed(replay: Replay, ids: Iterable[str]) -> Iterator[ReplayNode]:
     return (replay.nodes[UUID(key)] for key in ids)
 
 
@@ -225,8 +225,8 @@ def _disconnect(replay: Replay, body: Mapping[str, Any]) -> None:
         del replay.links[UUID(body["operation"]["connection_id"])]
 
 
-def _made(create: operations.Create) -> Node:
-    return Node(
+def _made(create: operations.Create) -> ReplayNode:
+    return ReplayNode(
         id=create.resource_id,
         key=create.key,
         name=create.name,
@@ -237,9 +237,9 @@ def _made(create: operations.Create) -> Node:
     )
 
 
-def _part(part: Mapping[str, Any]) -> Node:
+def _part(part: Mapping[str, Any]) -> ReplayNode:
     """Read what was created along with a piece of labware or a device: a well, a valve."""
-    return Node(
+    return ReplayNode(
         id=UUID(part["id"]),
         key=part["key"],
         name=part["name"],
@@ -278,14 +278,16 @@ def differences(told: Replay, kept: Replay) -> list[Finding]:
     ]
 
 
-def _tree_differences(told: Mapping[UUID, Node], kept: Mapping[UUID, Node]) -> Iterator[Finding]:
+def _tree_differences(
+    told: Mapping[UUID, ReplayNode], kept: Mapping[UUID, ReplayNode]
+) -> Iterator[Finding]:
     for key in sorted(told.keys() | kept.keys()):
         one, other = told.get(key), kept.get(key)
         if one is None or other is None:
             missing = "no event tells of it" if one is None else "it has no row"
             yield Finding("rebuild.tree", f"resource {key}: {missing}", str(key))
             continue
-        for name in Node.__slots__:
+        for name in ReplayNode.__slots__:
             events, rows = getattr(one, name), getattr(other, name)
             if events != rows:
                 text = f"{one.name}: {name} is {rows!r}, the events tell {events!r}"

@@ -52,7 +52,7 @@ class LotFacts:
 
 
 @dataclass(frozen=True, slots=True)
-class Move:
+class MassMove:
     """One posted entry."""
 
     lot: LotId
@@ -79,7 +79,7 @@ class AccountChange:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Balance:
+class MassBalance:
     """Where mass came from and where it went; `gap_ug` says by how much the sides differ."""
 
     taken: tuple[AccountChange, ...]
@@ -103,7 +103,7 @@ class Balance:
         return self.brought_ug - self.taken_ug
 
 
-def mass_balance(moves: Iterable[Move], lots: Mapping[LotId, LotFacts]) -> Balance:
+def mass_balance(moves: Iterable[MassMove], lots: Mapping[LotId, LotFacts]) -> MassBalance:
     """Net what each account lost and gained over all entries.
 
     Lots are netted before masses are taken, so that what only passed through is not there. In
@@ -128,7 +128,7 @@ def mass_balance(moves: Iterable[Move], lots: Mapping[LotId, LotFacts]) -> Balan
             elif weighs:
                 masses[lot] = weighs
         changes.append(AccountChange(account=account, lots_ug=masses))
-    return Balance(
+    return MassBalance(
         taken=tuple(change for change in changes if change.total_ug < 0),
         brought=tuple(change for change in changes if change.total_ug > 0),
         unknown=tuple(sorted(unknown)),

@@ -45,7 +45,7 @@ from labweb.domain.errors import Finding
 from labweb.domain.graph.attachments import check_loose
 from labweb.domain.graph.lab_file.resource_config import check_config
 from labweb.domain.resources.contents import LotId, Phase, total_nl
-from labweb.domain.resources.placement import Thing, check_standing
+from labweb.domain.resources.placement import PlacedThing, check_standing
 from labweb.domain.resources.resource_kinds import KINDS
 from labweb.domain.units import render_mass, render_volume
 
@@ -321,7 +321,7 @@ def _check_carry(
         )
     is_in_place = isinstance(operation, TransferResource) and operation.from_id == operation.to_id
     if not is_in_place:
-        findings += _check_place(Thing(moved.id, moved.name, moved.kind), to)
+        findings += _check_place(PlacedThing(moved.id, moved.name, moved.kind), to)
     if operation.resource_id == operation.to_id or operation.resource_id in to.ancestor_ids:
         findings.append(
             Finding("crutd.into_itself", f"{moved.name} cannot stand in itself", moved.name)
@@ -337,7 +337,7 @@ def _no_former_place(thing: ResourceState) -> Finding:
     return Finding("crutd.no_former_place", text, str(thing.id), {"field": "to_id"})
 
 
-def _check_place(thing: Thing, place: ResourceState) -> list[Finding]:
+def _check_place(thing: PlacedThing, place: ResourceState) -> list[Finding]:
     """Refuse the Archive, where things are out of service, and what the place has no room for."""
     if place.kind == "archive":
         text = f"what goes to {place.name} goes out of service: take it there by deleting it"
@@ -352,7 +352,7 @@ def _check_create(operation: Create, snapshot: Snapshot, facts: Facts | None) ->
         findings.append(Finding("crutd.unknown_kind", f"no kind {operation.kind!r}", operation.key))
     else:
         findings += check_config(operation.kind, operation.config, operation.key)
-        thing = Thing(operation.resource_id, operation.name, operation.kind)
+        thing = PlacedThing(operation.resource_id, operation.name, operation.kind)
         findings += _check_place(thing, snapshot[operation.parent_id])
     if facts is not None and facts.is_taken:
         text = f"a resource with the id or the key {operation.key!r} is there already"

@@ -90,7 +90,7 @@ def sees_tag(
     )
 
 
-class Verdict(StrEnum):
+class ConditionVerdict(StrEnum):
     """What came out."""
 
     PASS = "pass"  # noqa: S105 - a verdict, no secret
@@ -99,11 +99,11 @@ class Verdict(StrEnum):
     """Nobody could look; never counted as a pass."""
 
 
-class Result(msgspec.Struct, frozen=True, kw_only=True):
+class ConditionResult(msgspec.Struct, frozen=True, kw_only=True):
     """Verdict and evidence of one condition."""
 
     name: str
-    verdict: Verdict
+    verdict: ConditionVerdict
     message: str
     evidence: dict[str, Any] = msgspec.field(default_factory=dict)
 
@@ -140,21 +140,24 @@ def spread(device_id: UUID, status: str, value: Any) -> dict[tuple[UUID, str], A
     return {(device_id, f"{status}.{field}"): part for field, part in value.items()}
 
 
-def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
+def evaluate(condition: Condition, now: Readings, before: Readings) -> ConditionResult:
     """Judge one condition on fresh readings; a missing reading is UNOBSERVABLE."""
     key = (condition.device_id, condition.status)
     if key not in now or now[key] is None:
-        return Result(
+        return ConditionResult(
             name=condition.name,
-            verdict=Verdict.UNOBSERVABLE,
+            verdict=ConditionVerdict.UNOBSERVABLE,
             message=f"{spoken_name(condition.status)} could not be read",
         )
     value = now[key]
     evidence: dict[str, Any] = {"status": condition.status, "value": value}
     doubt = _doubt(condition, now, evidence)
     if doubt:
-        return Result(
-            name=condition.name, verdict=Verdict.UNOBSERVABLE, message=doubt, evidence=evidence
+        return ConditionResult(
+            name=condition.name,
+            verdict=ConditionVerdict.UNOBSERVABLE,
+            message=doubt,
+            evidence=evidence,
         )
     holds, wanted = _compare(condition, value, before.get(key))
     evidence["wanted"] = wanted
@@ -162,11 +165,14 @@ def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
     if condition.change is not None:
         evidence["before"] = before.get(key)
     if holds is None or lacks:
-        verdict, text = Verdict.UNOBSERVABLE, lacks or f"{name} was not read before the start"
+        verdict, text = (
+            ConditionVerdict.UNOBSERVABLE,
+            lacks or f"{name} was not read before the start",
+        )
     else:
-        verdict = Verdict.PASS if holds else Verdict.FAIL
+        verdict = ConditionVerdict.PASS if holds else ConditionVerdict.FAIL
         text = f"{name}: {spoken_value(condition.status, value)}, wanted {_told(condition)}"
-    return Result(name=condition.name, verdict=verdict, message=text, evidence=evidence)
+    return ConditionResult(name=condition.name, verdict=verdict, message=text, evidence=evidence)
 
 
 def lacks_baseline(condition: Condition, before: Readings) -> str:
@@ -187,16 +193,16 @@ def lacks_baseline(condition: Condition, before: Readings) -> str:
     return ""
 
 
-def unreadable_baselines(post: Sequence[Condition], before: Readings) -> list[Result]:
+def unreadable_baselines(post: Sequence[Condition], before: Readings) -> list[ConditionResult]:
     """Return the changes that nobody could confirm afterwards, since nothing can be read before.
 
     An action with such a one is not begun, unless its step lets it stay unconfirmed. A reading
     that is there and has not settled may still settle: it is judged after the action.
     """
     return [
-        Result(
+        ConditionResult(
             name=condition.name,
-            verdict=Verdict.UNOBSERVABLE,
+            verdict=ConditionVerdict.UNOBSERVABLE,
             message=f"{spoken_name(condition.status)} could not be read before the start, so "
             "nothing could be confirmed afterwards: the action was not begun",
         )
@@ -288,15 +294,19 @@ def _told(condition: Condition) -> str:
     return f"{low:g} to {spoken_value(name, high)}" if low != high else spoken_value(name, low)
 
 
-def verification_of(post: Sequence[tuple[Condition, Result]], *, reported: bool) -> Verification:
+def verification_of(
+    post: Sequence[tuple[Condition, ConditionResult]], *, reported: bool
+) -> Verification:
     """Return the surest verification that the conditions support.
 
     One that may stay unconfirmed and could not be observed leaves the whole unconfirmed,
     whatever the others say.
     """
-    if any(one.may_stay_unconfirmed and r.verdict is Verdict.UNOBSERVABLE for one, r in post):
+    if any(
+        one.may_stay_unconfirmed and r.verdict is ConditionVerdict.UNOBSERVABLE for one, r in post
+    ):
         return Verification.UNCONFIRMED
-    passed = [condition for condition, result in post if result.verdict is Verdict.PASS]
+    passed = [condition for condition, result in post if result.verdict is ConditionVerdict.PASS]
     if any(condition.is_sensor for condition in passed):
         return Verification.SENSED
     if passed or reported:

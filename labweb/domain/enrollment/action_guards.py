@@ -17,7 +17,7 @@ WATCHDOG_RATIO = 1.5
 WATCHDOG_GRACE_S = 5.0
 
 
-class Guard(msgspec.Struct, frozen=True):
+class ActionGuard(msgspec.Struct, frozen=True):
     """One thing that guards an action, or that nothing does."""
 
     text: str
@@ -27,8 +27,8 @@ class Guard(msgspec.Struct, frozen=True):
 class Guards(msgspec.Struct, frozen=True, kw_only=True):
     """All that guards one action."""
 
-    permissives: tuple[Guard, ...]
-    interlocks: tuple[Guard, ...]
+    permissives: tuple[ActionGuard, ...]
+    interlocks: tuple[ActionGuard, ...]
 
 
 def watchdog_s(timeout_s: float, pace: float = 1.0) -> float:
@@ -62,40 +62,43 @@ def guards_of(
     )
 
 
-def _limits(action: ActionSpec) -> list[Guard]:
+def _limits(action: ActionSpec) -> list[ActionGuard]:
     open_ended = [one.name for one in action.parameters if _is_unbounded(one)]
     bounded = [one.name for one in action.parameters if _is_number(one) and not _is_unbounded(one)]
-    found = [Guard(f"{_listed(bounded)} within the limits")] if bounded else []
+    found = [ActionGuard(f"{_listed(bounded)} within the limits")] if bounded else []
     if open_ended and action.operation != "read":
-        found.append(Guard(f"no highest {_listed(open_ended)}", is_missing=True))
+        found.append(ActionGuard(f"no highest {_listed(open_ended)}", is_missing=True))
     return found
 
 
-def _readings(action: ActionSpec, before: Collection[str]) -> list[Guard]:
+def _readings(action: ActionSpec, before: Collection[str]) -> list[ActionGuard]:
     if before:
-        return [Guard(f"its host reads {_listed(before)} and finds what the plan expects")]
+        return [ActionGuard(f"its host reads {_listed(before)} and finds what the plan expects")]
     if action.operation == "read":
         return []
-    return [Guard("no reading is looked at first", is_missing=True)]
+    return [ActionGuard("no reading is looked at first", is_missing=True)]
 
 
-def _watchdog(action: ActionSpec, spec: DriverSpec) -> list[Guard]:
+def _watchdog(action: ActionSpec, spec: DriverSpec) -> list[ActionGuard]:
     if action.operation == "read" and not action.hazards:
         return []
     if action.timeout_s is None:
-        return [Guard("no longest time is stated", is_missing=True)]
+        return [ActionGuard("no longest time is stated", is_missing=True)]
     text = f"halted after {watchdog_s(action.timeout_s):g} s"
     if not spec.safe_state:
-        return [Guard(text), Guard("what a halt leaves behind is not stated", is_missing=True)]
-    return [Guard(text)]
+        return [
+            ActionGuard(text),
+            ActionGuard("what a halt leaves behind is not stated", is_missing=True),
+        ]
+    return [ActionGuard(text)]
 
 
-def _outcome(action: ActionSpec, after: Collection[str]) -> list[Guard]:
+def _outcome(action: ActionSpec, after: Collection[str]) -> list[ActionGuard]:
     if after:
-        return [Guard(f"then its host reads {_listed(after)}: else it has not done it")]
+        return [ActionGuard(f"then its host reads {_listed(after)}: else it has not done it")]
     if action.operation == "read":
         return []
-    return [Guard("no reading says that it has done it", is_missing=True)]
+    return [ActionGuard("no reading says that it has done it", is_missing=True)]
 
 
 def _is_number(parameter: ParameterSpec) -> bool:

@@ -7,11 +7,11 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.calibration.correction import Calibration
+from labweb.domain.calibration.correction import AcceptedCalibration
 from labweb.domain.enrollment.driver_spec import DriverSpec
 
 
-class Device(msgspec.Struct, frozen=True, kw_only=True):
+class AdmittedDevice(msgspec.Struct, frozen=True, kw_only=True):
     """One instrument with one serial number, its driver, its line and its nodes.
 
     Several nodes of the resource tree may be one device: a pump and its valve.
@@ -31,5 +31,5 @@ class Device(msgspec.Struct, frozen=True, kw_only=True):
     nodes: dict[str, UUID]
     """Role in the driver (`pump`, `valve`, `heater`, …) → resource."""
 
-    calibrations: tuple[Calibration, ...] = ()
+    calibrations: tuple[AcceptedCalibration, ...] = ()
     """The newest accepted one of each quantity, whether it still holds or not."""

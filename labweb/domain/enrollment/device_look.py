@@ -19,7 +19,7 @@ GIVEN_UP_S = 150.0
 """A look of which its host has said nothing for so long was lost, and may be asked anew."""
 
 
-class Check(msgspec.Struct, frozen=True, kw_only=True):
+class LookCheck(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that was to be proved."""
 
     name: str
@@ -36,7 +36,7 @@ def judge_look(
     problems: Mapping[str, str],
     took_s: float,
     skew_s: float | None,
-) -> list[Check]:
+) -> list[LookCheck]:
     """Return every check of a look, passed or not.
 
     Args:
@@ -48,7 +48,7 @@ def judge_look(
         skew_s: The host's clock less the server's; None: nobody knows.
     """
     checks = [
-        Check(
+        LookCheck(
             name="who answers",
             is_passed=not problem,
             text=problem or f"a device that {spec.class_name} takes for its own",
@@ -58,7 +58,7 @@ def judge_look(
         return checks
     checks.append(_told(spec, values, problems))
     checks.append(
-        Check(
+        LookCheck(
             name="how fast",
             is_passed=took_s <= LONGEST_LOOK_S,
             text=f"{took_s:.2f} s for all of it; at most {LONGEST_LOOK_S:g} s",
@@ -67,7 +67,7 @@ def judge_look(
     return [*checks, _clock(skew_s)]
 
 
-def _told(spec: DriverSpec, values: Mapping[str, Any], problems: Mapping[str, str]) -> Check:
+def _told(spec: DriverSpec, values: Mapping[str, Any], problems: Mapping[str, str]) -> LookCheck:
     found = []
     for status in spec.statuses:
         if status.name in problems:
@@ -78,14 +78,14 @@ def _told(spec: DriverSpec, values: Mapping[str, Any], problems: Mapping[str, st
             told = check_reading(status.value, values[status.name])
             found += [f"{status.name}: {one.message}" for one in told]
     text = "; ".join(found) or f"all that it declares: {len(spec.statuses)}"
-    return Check(name="what it tells", is_passed=not found, text=text)
+    return LookCheck(name="what it tells", is_passed=not found, text=text)
 
 
-def _clock(skew_s: float | None) -> Check:
+def _clock(skew_s: float | None) -> LookCheck:
     if skew_s is None:
         text = "nobody knows how the host's clock stands: wait for its next sign of life"
-        return Check(name="clock of the host", is_passed=False, text=text)
-    return Check(
+        return LookCheck(name="clock of the host", is_passed=False, text=text)
+    return LookCheck(
         name="clock of the host",
         is_passed=abs(skew_s) <= LONGEST_SKEW_S,
         text=f"{abs(skew_s):.2f} s from the server's; at most {LONGEST_SKEW_S:g} s",

@@ -12,7 +12,7 @@ from labweb.domain.enrollment.driver_spec import DriverSpec, check_arguments, ch
 from labweb.domain.errors import Finding, NotFoundError
 
 
-class Waiting(msgspec.Struct, frozen=True, kw_only=True):
+class PlannedJobAhead(msgspec.Struct, frozen=True, kw_only=True):
     """A job of a run that goes on, planned and not yet ended on the device."""
 
     job: str
@@ -29,7 +29,7 @@ def check_replacement(
     config: Mapping[str, Any],
     roles: Iterable[str],
     admission: Admission | None,
-    waiting: Iterable[Waiting],
+    waiting: Iterable[PlannedJobAhead],
 ) -> list[Finding]:
     """List every reason why the new version cannot serve the device; empty means go.
 
@@ -57,7 +57,7 @@ def check_replacement(
     return found
 
 
-def _check_waiting(new: DriverSpec, job: Waiting) -> list[Finding]:
+def _check_waiting(new: DriverSpec, job: PlannedJobAhead) -> list[Finding]:
     if job.action == "read" and all(action.name != "read" for action in new.actions):
         return []
     try:

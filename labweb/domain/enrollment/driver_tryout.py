@@ -41,7 +41,7 @@ GRACE_S = 5.0
 """How much longer than it says an action may take until the driver's process is ended."""
 
 
-class Act(msgspec.Struct, frozen=True, kw_only=True):
+class AnsweredWish(msgspec.Struct, frozen=True, kw_only=True):
     """One answered wish of a tryout."""
 
     sort: str
@@ -100,7 +100,7 @@ def _labelled(name: str, schema: Mapping[str, Any]) -> dict[str, Any]:
     return {**schema, **shown}
 
 
-def tried(spec: DriverSpec, acts: Iterable[Act]) -> Tried:
+def tried(spec: DriverSpec, acts: Iterable[AnsweredWish]) -> Tried:
     """Sum up what was tried of a version."""
     done: set[str] = set()
     failed: set[str] = set()

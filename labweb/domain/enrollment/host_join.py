@@ -163,7 +163,7 @@ def find_known(hosts: Iterable[tuple[UUID, str, str]], *, key: str, machine_id: 
 # --- frames ------------------------------------------------------------------------
 
 
-class Offer(msgspec.Struct, frozen=True, tag="offer", tag_field="t", kw_only=True):
+class JoinOffer(msgspec.Struct, frozen=True, tag="offer", tag_field="t", kw_only=True):
     """First frame of the door: the lab's authority. Worth nothing before its hash was compared."""
 
     ca: str
@@ -172,7 +172,7 @@ class Offer(msgspec.Struct, frozen=True, tag="offer", tag_field="t", kw_only=Tru
     v: int = PROTOCOL_VERSION
 
 
-class Ask(msgspec.Struct, frozen=True, tag="ask", tag_field="t", kw_only=True):
+class JoinAsk(msgspec.Struct, frozen=True, tag="ask", tag_field="t", kw_only=True):
     """A machine asks to become a host. Sent again after a crash, with the same key."""
 
     token_id: UUID
@@ -190,13 +190,13 @@ class Ask(msgspec.Struct, frozen=True, tag="ask", tag_field="t", kw_only=True):
     v: int = PROTOCOL_VERSION
 
 
-class Waiting(msgspec.Struct, frozen=True, tag="waiting", tag_field="t", kw_only=True):
+class JoinWaiting(msgspec.Struct, frozen=True, tag="waiting", tag_field="t", kw_only=True):
     """A person has to compare the code."""
 
     code: str
 
 
-class Admitted(msgspec.Struct, frozen=True, tag="admitted", tag_field="t", kw_only=True):
+class AdmittedHost(msgspec.Struct, frozen=True, tag="admitted", tag_field="t", kw_only=True):
     """The machine is a host."""
 
     host_id: UUID
@@ -205,7 +205,7 @@ class Admitted(msgspec.Struct, frozen=True, tag="admitted", tag_field="t", kw_on
     """PEM, for the key of the request."""
 
 
-JoinFrame = Offer | Waiting | Admitted | Refuse
+JoinFrame = JoinOffer | JoinWaiting | AdmittedHost | Refuse
 
 
 def is_name(text: str) -> bool:
@@ -218,7 +218,7 @@ def is_name(text: str) -> bool:
     return bool(key_of_name(text)) and len(text) <= LONGEST_NAME and is_legible(text)
 
 
-def check_ask(ask: Ask) -> str:
+def check_ask(ask: JoinAsk) -> str:
     """Say what is wrong with a request before its token is looked at; "" means nothing."""
     if not is_name(ask.name):
         return f"the name has 1 to {LONGEST_NAME} legible signs, a letter or digit among them"

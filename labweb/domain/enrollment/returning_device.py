@@ -12,7 +12,7 @@ from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, Paramet
 _Named = TypeVar("_Named", ActionSpec, StatusSpec, ParameterSpec)
 
 
-class Admitted(msgspec.Struct, frozen=True, kw_only=True):
+class KnownDevice(msgspec.Struct, frozen=True, kw_only=True):
     """What a device was when it was admitted, or is."""
 
     driver_digest: str
@@ -42,7 +42,7 @@ class Difference(msgspec.Struct, frozen=True, kw_only=True):
     """The action was not there when the device was admitted."""
 
 
-def compare_identity(before: Admitted, after: Admitted) -> list[Difference]:
+def compare_identity(before: KnownDevice, after: KnownDevice) -> list[Difference]:
     """List what is another thing, or stands elsewhere, or is set otherwise."""
     pairs = [
         ("key", before.public_key, after.public_key),

@@ -30,7 +30,7 @@ TRAVEL_S = 2.0
 """The same in real time, at least: a reading needs some to reach the server."""
 
 
-class Sort(StrEnum):
+class ReadbackVerdict(StrEnum):
     """What a reading says of what was set."""
 
     SETPOINT = "setpoint"
@@ -56,31 +56,31 @@ class Near:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kept:
+class KeptReading:
     """One reading that has to stay as an action has set it."""
 
     status: str
-    sort: Sort
+    sort: ReadbackVerdict
     asked: float
 
     def fits(self, value: float) -> bool:
         """Say whether a reading shows what was asked for, as the device rounds it."""
-        if self.sort is Sort.SWITCH:
+        if self.sort is ReadbackVerdict.SWITCH:
             return bool(value) == bool(self.asked)
-        if self.sort is Sort.MOTION:
+        if self.sort is ReadbackVerdict.MOTION:
             return abs(value) >= STALLED_RATIO * abs(self.asked)
         return abs(value - self.asked) <= _NEAR[self.status].of(self.asked)
 
     def stays(self, value: float, base: float) -> bool:
         """Say whether a reading is as it was when it was first read back."""
-        if self.sort is not Sort.SETPOINT:
+        if self.sort is not ReadbackVerdict.SETPOINT:
             return self.fits(value)
         return abs(value - base) <= _NEAR[self.status].of(self.asked) / 2
 
     def reason(self, value: float) -> str:
         """Say what is read, what it should be, and what may be the cause."""
         why = "the device has restarted, or somebody has changed it"
-        if self.sort is Sort.MOTION:
+        if self.sort is ReadbackVerdict.MOTION:
             why = "what it moves is blocked, or the motor is off"
         return f"{self.wording(value)}: {why}"
 
@@ -94,7 +94,7 @@ class Kept:
             'heating is off; it was switched on'
         """
         name = spoken_name(self.status)
-        if self.sort is Sort.SWITCH:
+        if self.sort is ReadbackVerdict.SWITCH:
             is_on, was_on = ("on" if one else "off" for one in (value, self.asked))
             return f"{name} is {is_on}; it was switched {was_on}"
         read, asked = (spoken_value(self.status, float(one)) for one in (value, self.asked))
@@ -129,24 +129,24 @@ _NEAR: Mapping[str, Near] = {
 """What set-points may differ by from what was asked for: the coarsest steps of the devices."""
 
 
-def _setpoint(status: str, argument: str) -> tuple[str, Sort, str]:
-    return status, Sort.SETPOINT, argument
+def _setpoint(status: str, argument: str) -> tuple[str, ReadbackVerdict, str]:
+    return status, ReadbackVerdict.SETPOINT, argument
 
 
-def _switch(status: str) -> tuple[str, Sort, str]:
-    return status, Sort.SWITCH, ""
+def _switch(status: str) -> tuple[str, ReadbackVerdict, str]:
+    return status, ReadbackVerdict.SWITCH, ""
 
 
 _TURNS = (
     _setpoint("speed_setpoint_rpm", "speed_rpm"),
-    ("speed_rpm", Sort.MOTION, "speed_rpm"),
+    ("speed_rpm", ReadbackVerdict.MOTION, "speed_rpm"),
 )
 _CONTROLS = (
     _setpoint("temperature_setpoint_c", "temperature_c"),
     _switch("is_controlling"),
     _switch("is_heating"),
 )
-_SETS: Mapping[str, tuple[tuple[str, Sort, str], ...]] = {
+_SETS: Mapping[str, tuple[tuple[str, ReadbackVerdict, str], ...]] = {
     "deliver": (_setpoint("rate_setpoint_ul_s", "rate_ul_s"),),
     "evacuate_to": (
         _setpoint("pressure_setpoint_kpa", "pressure_kpa"),
@@ -183,7 +183,9 @@ def names_set_by(action: str) -> frozenset[str]:
     return frozenset(status for status, _, _ in _SETS.get(action, ()))
 
 
-def kept_by(action: str, args: Mapping[str, Any], statuses: Collection[str]) -> tuple[Kept, ...]:
+def kept_by(
+    action: str, args: Mapping[str, Any], statuses: Collection[str]
+) -> tuple[KeptReading, ...]:
     """Return what has to stay as an action sets it, as far as its device tells.
 
     Args:
@@ -198,18 +200,18 @@ def kept_by(action: str, args: Mapping[str, Any], statuses: Collection[str]) -> 
     """
     found = []
     for status, sort, argument in _SETS.get(action, ()):
-        asked = True if sort is Sort.SWITCH else args.get(argument)
+        asked = True if sort is ReadbackVerdict.SWITCH else args.get(argument)
         if status in statuses and asked is not None:
-            found.append(Kept(status=status, sort=sort, asked=asked))
+            found.append(KeptReading(status=status, sort=sort, asked=asked))
     return tuple(found)
 
 
-def completed(kept: Kept) -> Seen:
+def completed(kept: KeptReading) -> Seen:
     """Return where to begin with an action that has completed: it runs, or turns, by then."""
-    return Seen() if kept.sort is Sort.SETPOINT else Seen(kept.asked)
+    return Seen() if kept.sort is ReadbackVerdict.SETPOINT else Seen(kept.asked)
 
 
-def look(kept: Kept, seen: Seen, value: object, at_s: float) -> Seen:
+def look(kept: KeptReading, seen: Seen, value: object, at_s: float) -> Seen:
     """Judge one reading.
 
     What is no number says nothing. A set-point counts as gone once it was wrong for `SURE_S`;
@@ -235,7 +237,7 @@ def look(kept: Kept, seen: Seen, value: object, at_s: float) -> Seen:
     is_right = kept.fits(value) if seen.base is None else kept.stays(value, seen.base)
     if is_right:
         return Seen(value if seen.base is None else seen.base)
-    if seen.base is None and kept.sort is not Sort.SETPOINT:
+    if seen.base is None and kept.sort is not ReadbackVerdict.SETPOINT:
         return seen
     since_s = at_s if seen.wrong_since_s is None else seen.wrong_since_s
     patience_s = TAKE_S if seen.base is None else SURE_S
@@ -243,7 +245,11 @@ def look(kept: Kept, seen: Seen, value: object, at_s: float) -> Seen:
 
 
 def unread_since_s(
-    all_kept: Iterable[Kept], read_s: Mapping[str, float], done_s: float, now_s: float, pace: float
+    all_kept: Iterable[KeptReading],
+    read_s: Mapping[str, float],
+    done_s: float,
+    now_s: float,
+    pace: float,
 ) -> float | None:
     """Return since when nothing was read of what stands on a device; None: it is read.
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from labweb.domain.enrollment.driver_spec import DriverSpec
-from labweb.domain.graph.device_parts_by_role import SORTS, WITHOUT_PARTS, Place
+from labweb.domain.graph.device_parts_by_role import SORTS, WITHOUT_PARTS, RolePlace
 from labweb.domain.resources.resource_kinds import KINDS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class DeviceComponent:
     """One resource that comes with a device."""
 
     key: str
@@ -31,7 +31,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tube:
+class InnerTube:
     """A connection between two parts of one device."""
 
     source: str
@@ -44,8 +44,8 @@ class Tube:
 class Injection:
     """All that a device brings; the first part is the one that it is known by."""
 
-    parts: tuple[Part, ...] = ()
-    tubes: tuple[Tube, ...] = ()
+    parts: tuple[DeviceComponent, ...] = ()
+    tubes: tuple[InnerTube, ...] = ()
 
     @property
     def nodes(self) -> dict[str, str]:
@@ -69,10 +69,10 @@ def injected(spec: DriverSpec, config: Mapping[str, Any], *, key: str, name: str
         ([('p', 'syringe_pump'), ('p_valve', 'rotary_valve')], {'pump': 'p', 'valve': 'p_valve'})
     """
     known = {one.name: one.default for one in spec.config if not one.required} | dict(config)
-    parts: dict[str, Part] = {}
+    parts: dict[str, DeviceComponent] = {}
     for role, joining in _standing(spec.roles).items():
         sort, first = SORTS[role], not parts
-        parts[role] = Part(
+        parts[role] = DeviceComponent(
             key=key if first else f"{key}_{role}",
             name=name if first else f"{name}, {KINDS[sort.kind].label.lower()}",
             kind=sort.kind,
@@ -116,27 +116,29 @@ def _told(settings: Mapping[str, str], known: Mapping[str, Any]) -> dict[str, An
     return {name: value for name, value in told.items() if value is not None}
 
 
-def _merged(parts: Mapping[str, Part]) -> list[Part]:
+def _merged(parts: Mapping[str, DeviceComponent]) -> list[DeviceComponent]:
     """Let a part stand once where two roles are of one kind: a probe of two quantities."""
-    found: dict[str, Part] = {}
+    found: dict[str, DeviceComponent] = {}
     for part in parts.values():
         same = found.get(part.kind)
         if same is None:
             found[part.kind] = part
             continue
         roles = tuple(dict.fromkeys((*same.roles, *part.roles)))
-        found[part.kind] = Part(
+        found[part.kind] = DeviceComponent(
             key=same.key, name=same.name, kind=same.kind, config=same.config, roles=roles
         )
     return list(found.values())
 
 
-def _places(role: str, part: Part, known: Mapping[str, Any]) -> Iterator[Part]:
+def _places(
+    role: str, part: DeviceComponent, known: Mapping[str, Any]
+) -> Iterator[DeviceComponent]:
     """Yield what lies inside a part, a holder before what it holds."""
     for place in SORTS[role].places:
         inside = part.key + place.inside
         for number in _numbers(place, known):
-            yield Part(
+            yield DeviceComponent(
                 key=inside + place.key.format(number),
                 name=f"{part.name}, {place.label.format(number)}",
                 kind=place.kind,
@@ -145,7 +147,7 @@ def _places(role: str, part: Part, known: Mapping[str, Any]) -> Iterator[Part]:
             )
 
 
-def _numbers(place: Place, known: Mapping[str, Any]) -> list[str]:
+def _numbers(place: RolePlace, known: Mapping[str, Any]) -> list[str]:
     """Return what the places of one sort are called by their driver; none where it is not told."""
     if not place.each:
         return [""]
@@ -155,9 +157,11 @@ def _numbers(place: Place, known: Mapping[str, Any]) -> list[str]:
     return sorted(told, key=lambda one: (len(one), one)) if isinstance(told, Mapping) else []
 
 
-def _tubes(parts: Mapping[str, Part]) -> list[Tube]:
+def _tubes(parts: Mapping[str, DeviceComponent]) -> list[InnerTube]:
     """Return what is joined inside the device: a syringe stands at its valve's common port."""
     pump, valve = parts.get("pump"), parts.get("valve")
     if pump is None or valve is None:
         return []
-    return [Tube(source=pump.key, source_port="outlet", target=valve.key, target_port="common")]
+    return [
+        InnerTube(source=pump.key, source_port="outlet", target=valve.key, target_port="common")
+    ]

@@ -14,7 +14,7 @@ from typing import Any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class RolePlace:
     """Something that lies inside a part, and through which the device does not act."""
 
     key: str
@@ -29,11 +29,11 @@ class Place:
     """Key of another place of the part; empty: in the part itself."""
 
     settings: Mapping[str, str] = field(default_factory=dict)
-    """As in `Sort`."""
+    """As in `RoleParts`."""
 
 
 @dataclass(frozen=True, slots=True)
-class Sort:
+class RoleParts:
     """What stands in the tree for a role."""
 
     kind: str
@@ -44,7 +44,7 @@ class Sort:
     roles: tuple[str, ...] = ()
     """As what it stands in the tree; empty: as the role itself."""
 
-    places: tuple[Place, ...] = ()
+    places: tuple[RolePlace, ...] = ()
     joins: tuple[str, ...] = ()
     """Roles whose part it acts through, where the driver has one of them too."""
 
@@ -53,15 +53,15 @@ _HEATS = {"max_temperature_c": "max_temperature_c", "min_temperature_c": "min_te
 _STIRS = {"max_speed_rpm": "max_speed_rpm", "min_speed_rpm": "min_speed_rpm"}
 _SYRINGE = {"capacity_ul": "syringe_ul"}
 
-SORTS: Mapping[str, Sort] = {
-    "pump": Sort("syringe_pump", _SYRINGE),
-    "infusion_pump": Sort("syringe_pump", _SYRINGE),
-    "continuous_pump": Sort("continuous_pump"),
-    "valve": Sort("rotary_valve", {"ports_count": "ports_count"}, {"common_port": "common"}),
-    "injection_valve": Sort(
+SORTS: Mapping[str, RoleParts] = {
+    "pump": RoleParts("syringe_pump", _SYRINGE),
+    "infusion_pump": RoleParts("syringe_pump", _SYRINGE),
+    "continuous_pump": RoleParts("continuous_pump"),
+    "valve": RoleParts("rotary_valve", {"ports_count": "ports_count"}, {"common_port": "common"}),
+    "injection_valve": RoleParts(
         "injection_valve",
         places=(
-            Place(
+            RolePlace(
                 key="_loop",
                 label="sample loop",
                 kind="sample_loop",
@@ -69,36 +69,38 @@ SORTS: Mapping[str, Sort] = {
             ),
         ),
     ),
-    "liquid_handler": Sort(
+    "liquid_handler": RoleParts(
         "liquid_handler",
         places=(
-            Place(key="_pipette", label="pipette", kind="pipette_channel"),
-            Place(key="_deck", label="deck", kind="deck"),
-            Place(key="/{}", label="slot {}", each="deck", inside="_deck"),
+            RolePlace(key="_pipette", label="pipette", kind="pipette_channel"),
+            RolePlace(key="_deck", label="deck", kind="deck"),
+            RolePlace(key="/{}", label="slot {}", each="deck", inside="_deck"),
         ),
     ),
-    "powder_dispenser": Sort(
+    "powder_dispenser": RoleParts(
         "powder_dispenser",
         places=(
-            Place(key="_head", label="place of the dosing head"),
-            Place(key="_vial", label="place of the vial"),
+            RolePlace(key="_head", label="place of the dosing head"),
+            RolePlace(key="_vial", label="place of the vial"),
         ),
     ),
-    "heater_stirrer": Sort("heater_stirrer", {**_HEATS, **_STIRS}, roles=("heater", "stirrer")),
-    "stirrer": Sort("stirrer", _STIRS),
-    "shaker": Sort(
+    "heater_stirrer": RoleParts(
+        "heater_stirrer", {**_HEATS, **_STIRS}, roles=("heater", "stirrer")
+    ),
+    "stirrer": RoleParts("stirrer", _STIRS),
+    "shaker": RoleParts(
         "shaker",
         {**_HEATS, **_STIRS},
-        places=(Place(key="_plate", label="place of the plate"),),
+        places=(RolePlace(key="_plate", label="place of the plate"),),
     ),
-    "thermostat": Sort("thermostat", _HEATS),
-    "furnace": Sort("furnace", _HEATS),
-    "rotary_evaporator": Sort("rotary_evaporator", {**_HEATS, **_STIRS}),
-    "separator": Sort(
+    "thermostat": RoleParts("thermostat", _HEATS),
+    "furnace": RoleParts("furnace", _HEATS),
+    "rotary_evaporator": RoleParts("rotary_evaporator", {**_HEATS, **_STIRS}),
+    "separator": RoleParts(
         "phase_separator",
         _STIRS,
         places=(
-            Place(
+            RolePlace(
                 key="_vessel",
                 label="vessel",
                 kind="separator",
@@ -106,45 +108,47 @@ SORTS: Mapping[str, Sort] = {
             ),
         ),
     ),
-    "vacuum_controller": Sort("vacuum_controller"),
-    "chromatography": Sort(
+    "vacuum_controller": RoleParts("vacuum_controller"),
+    "chromatography": RoleParts(
         "chromatography",
         places=(
-            Place(key="_column", label="place of the column"),
-            Place(key="_collector", label="fraction collector", kind="carrier"),
+            RolePlace(key="_column", label="place of the column"),
+            RolePlace(key="_collector", label="fraction collector", kind="carrier"),
         ),
     ),
-    "analyser": Sort(
-        "analyser", places=(Place(key="_tray", label="tray of vials", kind="carrier"),)
+    "analyser": RoleParts(
+        "analyser", places=(RolePlace(key="_tray", label="tray of vials", kind="carrier"),)
     ),
-    "plate_reader": Sort("plate_reader", _HEATS, places=(Place(key="_drawer", label="drawer"),)),
-    "temperature_controller": Sort("heater", _HEATS, joins=("plate_reader", "shaker")),
-    "spectrometer": Sort("spectrometer", places=(Place(key="_bore", label="bore"),)),
-    "potentiostat": Sort("potentiostat"),
-    "battery_tester": Sort(
-        "battery_tester", places=(Place(key="_cell", label="place of the cell"),)
+    "plate_reader": RoleParts(
+        "plate_reader", _HEATS, places=(RolePlace(key="_drawer", label="drawer"),)
     ),
-    "power_supply": Sort("power_supply"),
-    "balance": Sort("balance"),
-    "camera": Sort("camera"),
-    "timer": Sort("timer"),
-    "ph_sensor": Sort("transmitter", roles=("transmitter",)),
-    "tds_sensor": Sort("transmitter", roles=("transmitter",)),
-    "conductivity_sensor": Sort("transmitter", roles=("conductivity_sensor",)),
-    "temperature_sensor": Sort("transmitter"),
-    "flow_sensor": Sort("transmitter"),
-    "storage": Sort(
+    "temperature_controller": RoleParts("heater", _HEATS, joins=("plate_reader", "shaker")),
+    "spectrometer": RoleParts("spectrometer", places=(RolePlace(key="_bore", label="bore"),)),
+    "potentiostat": RoleParts("potentiostat"),
+    "battery_tester": RoleParts(
+        "battery_tester", places=(RolePlace(key="_cell", label="place of the cell"),)
+    ),
+    "power_supply": RoleParts("power_supply"),
+    "balance": RoleParts("balance"),
+    "camera": RoleParts("camera"),
+    "timer": RoleParts("timer"),
+    "ph_sensor": RoleParts("transmitter", roles=("transmitter",)),
+    "tds_sensor": RoleParts("transmitter", roles=("transmitter",)),
+    "conductivity_sensor": RoleParts("transmitter", roles=("conductivity_sensor",)),
+    "temperature_sensor": RoleParts("transmitter"),
+    "flow_sensor": RoleParts("transmitter"),
+    "storage": RoleParts(
         "storage",
         places=(
-            Place(key="_slot_{}", label="place {}", each="slots_count"),
-            Place(key="_transfer", label="transfer station"),
+            RolePlace(key="_slot_{}", label="place {}", each="slots_count"),
+            RolePlace(key="_transfer", label="transfer station"),
         ),
     ),
-    "arm": Sort("arm"),
-    "gripper": Sort("gripper", places=(Place(key="_fingers", label="fingers"),)),
-    "gantry": Sort("gantry"),
-    "agv": Sort("agv"),
-    "compute": Sort("compute"),
+    "arm": RoleParts("arm"),
+    "gripper": RoleParts("gripper", places=(RolePlace(key="_fingers", label="fingers"),)),
+    "gantry": RoleParts("gantry"),
+    "agv": RoleParts("agv"),
+    "compute": RoleParts("compute"),
 }
 """What stands in the tree for each role."""
 

@@ -16,7 +16,7 @@ import msgspec
 
 from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import Finding
-from labweb.domain.graph.device_parts import Injection, Part, Tube, injected
+from labweb.domain.graph.device_parts import DeviceComponent, Injection, InnerTube, injected
 from labweb.domain.resources.resource_kinds import KINDS
 
 
@@ -29,15 +29,15 @@ class PartChanges:
     kept: Mapping[str, str] = field(default_factory=dict)
     """Key after → key before, of each part that stays."""
 
-    gained: tuple[Part, ...] = ()
-    lost: tuple[Part, ...] = ()
-    changed: tuple[tuple[Part, Part], ...] = ()
+    gained: tuple[DeviceComponent, ...] = ()
+    lost: tuple[DeviceComponent, ...] = ()
+    changed: tuple[tuple[DeviceComponent, DeviceComponent], ...] = ()
     """Before and after, of the same kind: other settings, or other roles."""
 
-    joined: tuple[Tube, ...] = ()
+    joined: tuple[InnerTube, ...] = ()
     """With the keys after."""
 
-    parted: tuple[Tube, ...] = ()
+    parted: tuple[InnerTube, ...] = ()
     """With the keys before."""
 
     def __bool__(self) -> bool:
@@ -82,10 +82,10 @@ def find_changes(
     )
 
 
-def _matched(before: Injection, after: Injection) -> list[tuple[Part, Part]]:
+def _matched(before: Injection, after: Injection) -> list[tuple[DeviceComponent, DeviceComponent]]:
     """Return the parts that are the same ones: of one role and kind, or one place in the same."""
     by_role = {role: part for part in before.parts for role in part.roles}
-    found: list[tuple[Part, Part]] = []
+    found: list[tuple[DeviceComponent, DeviceComponent]] = []
     for to in after.parts:
         shared = [by_role[role] for role in to.roles if role in by_role]
         taken = {was.key for was, _ in found}
@@ -101,14 +101,14 @@ def _matched(before: Injection, after: Injection) -> list[tuple[Part, Part]]:
     return found
 
 
-def _ends(tube: Tube, names: Mapping[str, str]) -> tuple[str, str, str, str]:
+def _ends(tube: InnerTube, names: Mapping[str, str]) -> tuple[str, str, str, str]:
     source, target = (names.get(end, f"new {end}") for end in (tube.source, tube.target))
     if not names:
         source, target = tube.source, tube.target
     return (source, tube.source_port, target, tube.target_port)
 
 
-def _is_other(was: Part, to: Part) -> bool:
+def _is_other(was: DeviceComponent, to: DeviceComponent) -> bool:
     return dict(was.config) != dict(to.config) or set(was.roles) != set(to.roles)
 
 
@@ -149,22 +149,22 @@ def decision_of(changes: PartChanges, version: str) -> str:
     return hashlib.sha256(msgspec.json.encode(told)).hexdigest()
 
 
-def _name(tube: Tube) -> str:
+def _name(tube: InnerTube) -> str:
     return f"{tube.source}.{tube.source_port}"
 
 
-def _told(version: str, verb: str, what: Part | Tube) -> str:
+def _told(version: str, verb: str, what: DeviceComponent | InnerTube) -> str:
     return f"{version} {verb} {_called(what)}"
 
 
-def _turned(version: str, was: Part, to: Part) -> str:
+def _turned(version: str, was: DeviceComponent, to: DeviceComponent) -> str:
     roles = "" if set(was.roles) == set(to.roles) else f", as {', '.join(to.roles)}"
     return f"{version} has {_called(to)}{roles} where it had {_called(was)}"
 
 
-def _called(what: Part | Tube) -> str:
+def _called(what: DeviceComponent | InnerTube) -> str:
     """Return what a person calls a part or a tube, with the settings that make it what it is."""
-    if isinstance(what, Tube):
+    if isinstance(what, InnerTube):
         return f"a tube from {what.source_port} to {what.target_port}"
     settings = ", ".join(f"{name} {value}" for name, value in sorted(what.config.items()))
     told = KINDS[what.kind].label.lower() + (f" {what.name}" if what.inside else "")

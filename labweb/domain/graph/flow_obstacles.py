@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.port_network import Arc, Network, conducts
 from labweb.domain.graph.ports_and_connections import Medium
 
@@ -54,11 +54,11 @@ def find_link_flaw(network: Network, reached: str, arc: Arc, why: str) -> Flaw:
 def find_flaws(network: Network, index: int, entered: str, arc: Arc) -> Iterator[Flaw]:
     """Yield why liquid that entered an element by a port does not leave it by an arc."""
     element = network.elements[index]
-    if element.role is Role.PUMP:
+    if element.role is ElementRole.PUMP:
         yield from _syringe(network, index, entered, arc)
-    elif element.role is Role.VALVE:
+    elif element.role is ElementRole.VALVE:
         yield from _valve(network, index, entered, arc)
-    elif element.role is Role.SOLENOID:
+    elif element.role is ElementRole.SOLENOID:
         ports = (entered, arc.own_port)
         divides = any(_divides(network, index, port) for port in ports)
         if divides or conducts(network, index, entered, arc) is None:
@@ -69,7 +69,7 @@ def find_flaws(network: Network, index: int, entered: str, arc: Arc) -> Iterator
             )
     else:
         yield _flaw(
-            "plan.vessel_between" if element.role is Role.VESSEL else "plan.no_conductor",
+            "plan.vessel_between" if element.role is ElementRole.VESSEL else "plan.no_conductor",
             lambda: (
                 f"liquid reaches {element.key}, which is {_what(network, index)}: "
                 f"a way around it to {network.elements[arc.far].key} is missing"
@@ -94,11 +94,11 @@ def find_no_pump(source: str, target: str) -> Flaw:
 def _what(network: Network, index: int) -> str:
     element = network.elements[index]
     return {
-        Role.VESSEL: "a vessel, and no transfer leads through one",
-        Role.MANIFOLD: "a manifold and leads on only when a request says through what",
-        Role.CARTRIDGE: "a cartridge and leads on only when a request names it",
-        Role.GAS: "a source of gas",
-        Role.VACUUM: "a vacuum line",
+        ElementRole.VESSEL: "a vessel, and no transfer leads through one",
+        ElementRole.MANIFOLD: "a manifold and leads on only when a request says through what",
+        ElementRole.CARTRIDGE: "a cartridge and leads on only when a request names it",
+        ElementRole.GAS: "a source of gas",
+        ElementRole.VACUUM: "a vacuum line",
     }.get(element.role, f"a {element.kind or 'device'} that nobody says conducts liquid")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.port_network import Hop, Network, explore
 
 _MOST_TABLES = 64
@@ -37,7 +37,7 @@ class HopTable:
             known = self._relays[start] = tuple(
                 hop
                 for hop in self.hops(start)
-                if elements[hop.end].role is Role.PUMP and elements[hop.end].capacity_nl
+                if elements[hop.end].role is ElementRole.PUMP and elements[hop.end].capacity_nl
             )
         return known
 
@@ -51,7 +51,7 @@ class HopTable:
         return known.get(end, ())
 
     def _find(self, start: int) -> Iterator[Hop]:
-        if self._network.elements[start].role is Role.PUMP:
+        if self._network.elements[start].role is ElementRole.PUMP:
             yield from explore(self._network, start, passable=self._passable)
             return
         for port in sorted({arc.own_port for arc in self._network.arcs[start]}):

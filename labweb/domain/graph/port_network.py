@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.elements import Element, ElementRole, Tube
 from labweb.domain.graph.ports_and_connections import Medium
 
-_CONDUCTING = (Role.VALVE, Role.SOLENOID)
-_PASSIVE = (Role.MANIFOLD, Role.CARTRIDGE)
-_BRANCHES = (Role.VALVE, Role.CARTRIDGE)
+_CONDUCTING = (ElementRole.VALVE, ElementRole.SOLENOID)
+_PASSIVE = (ElementRole.MANIFOLD, ElementRole.CARTRIDGE)
+_BRANCHES = (ElementRole.VALVE, ElementRole.CARTRIDGE)
 _ANY = "*"
 _SOLENOID_TUBES = 2
 
@@ -53,13 +53,13 @@ class Hop:
 
 
 @dataclass(slots=True)
-class Step:
+class SearchStep:
     """One element reached, and how."""
 
     element: int
     port: str
     arc: Arc
-    parent: Step | None
+    parent: SearchStep | None
     position: str | None
     """Where the element it came from stands; None for the first."""
 
@@ -138,12 +138,12 @@ class Network:
     def joint(self, index: int, port: str) -> tuple[int, str]:
         """Return where tubes meet: a port, or the whole of what joins all of its ports."""
         element = self.elements[index]
-        bare = element.role is Role.PUMP and not element.selects
-        return (index, _ANY if bare or element.role is Role.MANIFOLD else port)
+        bare = element.role is ElementRole.PUMP and not element.selects
+        return (index, _ANY if bare or element.role is ElementRole.MANIFOLD else port)
 
     def _far(self, index: int, port: str) -> tuple[int, str]:
         """Two ports of one vessel are one place to be: its liquid is drawn or added to."""
-        return (index, _ANY if self.elements[index].role is Role.VESSEL else port)
+        return (index, _ANY if self.elements[index].role is ElementRole.VESSEL else port)
 
     def divides(self, index: int, port: str, *taken: tuple[int, str], drawn: bool) -> bool:
         """Tell whether liquid drawn in (or pushed out) at a port has more than one way.
@@ -162,13 +162,13 @@ class Network:
         if not taken and len(found) <= 1:
             return False
         others = found - {self._far(*far) for far in taken}
-        if self.elements[index].role is Role.MANIFOLD:
+        if self.elements[index].role is ElementRole.MANIFOLD:
             others = {far for far in others if self.elements[far[0]].role not in _BRANCHES}
         return any(not self.closes(far) for far, _ in others)
 
     def closes(self, index: int) -> bool:
         """Tell whether an element is a solenoid with a tube at either side and no more."""
-        if self.elements[index].role is not Role.SOLENOID:
+        if self.elements[index].role is not ElementRole.SOLENOID:
             return False
         sides = [port for port, _, _ in self.joined[index] if port]
         return len(self.joined[index]) <= _SOLENOID_TUBES and len(sides) == len(set(sides))
@@ -187,7 +187,7 @@ def explore(
     Valves and open solenoids conduct, and of the rest only what is `passable`. A port at
     which the flow would divide is not used.
     """
-    search = Search(network, start, start_port=start_port, passable=passable)
+    search = PortSearch(network, start, start_port=start_port, passable=passable)
     for dead_nl, step in search.settle():
         if search.ends(step):
             hop = make_hop(network, start, step, dead_nl)
@@ -203,7 +203,7 @@ class _Bounds:
     drawn: bool
 
 
-class Search:
+class PortSearch:
     """One search from a vessel or syringe, along what conducts.
 
     Source:
@@ -232,22 +232,22 @@ class Search:
                 pushed when `start` is a syringe.
         """
         if drawn is None:
-            drawn = network.elements[start].role is not Role.PUMP
+            drawn = network.elements[start].role is not ElementRole.PUMP
         self._network = network
         self._start = start
         self._bounds = _Bounds(
             start_port=start_port, passable=passable, blocked=blocked | {start}, drawn=drawn
         )
-        self._heap: list[tuple[int, int, int, Step]] = []
+        self._heap: list[tuple[int, int, int, SearchStep]] = []
         self._count = 0
         self._settled: set[tuple[int, str, tuple[int, ...]]] = set()
 
-    def ends(self, step: Step) -> bool:
+    def ends(self, step: SearchStep) -> bool:
         """Tell whether liquid stops at an element: it neither conducts nor may be passed."""
         role = self._network.elements[step.element].role
         return role not in _CONDUCTING and step.element not in self._bounds.passable
 
-    def settle(self) -> Iterator[tuple[int, Step]]:
+    def settle(self) -> Iterator[tuple[int, SearchStep]]:
         """Yield (dead volume, step) for each port that can be reached, in order of cost."""
         self._leave()
         while self._heap:
@@ -267,9 +267,9 @@ class Search:
                 continue
             far = (arc.far, arc.far_port)
             if bounds.drawn or not network.divides(self._start, arc.own_port, far, drawn=False):
-                self._push(arc.dead_nl, 1, Step(arc.far, arc.far_port, arc, None, None))
+                self._push(arc.dead_nl, 1, SearchStep(arc.far, arc.far_port, arc, None, None))
 
-    def _go_on(self, step: Step, dead_nl: int, length: int) -> None:
+    def _go_on(self, step: SearchStep, dead_nl: int, length: int) -> None:
         passed = step.passed
         if self._network.elements[step.element].role not in _CONDUCTING:
             if step.element in passed:
@@ -280,15 +280,15 @@ class Search:
                 continue
             position = _passes(self._network, step, arc, drawn=self._bounds.drawn)
             if position is not None:
-                longer = Step(arc.far, arc.far_port, arc, step, position, passed)
+                longer = SearchStep(arc.far, arc.far_port, arc, step, position, passed)
                 self._push(dead_nl + arc.dead_nl, length + 1, longer)
 
-    def _push(self, dead_nl: int, length: int, step: Step) -> None:
+    def _push(self, dead_nl: int, length: int, step: SearchStep) -> None:
         heapq.heappush(self._heap, (dead_nl, length, self._count, step))
         self._count += 1
 
 
-def _passes(network: Network, step: Step, arc: Arc, *, drawn: bool) -> str | None:
+def _passes(network: Network, step: SearchStep, arc: Arc, *, drawn: bool) -> str | None:
     """Return where the element stands that liquid passes from `step` to `arc`, if it can."""
     position = conducts(network, step.element, step.port, arc)
     if position is None:
@@ -309,18 +309,18 @@ def _passes(network: Network, step: Step, arc: Arc, *, drawn: bool) -> str | Non
 def conducts(network: Network, index: int, entered: str, arc: Arc) -> str | None:
     """Return the position in which an element joins a port to an arc out of it."""
     element = network.elements[index]
-    if element.role is Role.VALVE:
+    if element.role is ElementRole.VALVE:
         return element.position(entered, arc.own_port)
-    if element.role is Role.SOLENOID:
+    if element.role is ElementRole.SOLENOID:
         return "open" if network.closes(index) else None
     if element.role in _PASSIVE:
-        return "" if entered != arc.own_port or element.role is Role.MANIFOLD else None
+        return "" if entered != arc.own_port or element.role is ElementRole.MANIFOLD else None
     return None
 
 
-def _agrees(step: Step, position: str) -> bool:
+def _agrees(step: SearchStep, position: str) -> bool:
     """Tell whether no valve on the way would have to stand at two positions."""
-    later: Step = step
+    later: SearchStep = step
     while later.parent is not None:
         if later.parent.element == step.element and later.position != position:
             return False
@@ -328,7 +328,7 @@ def _agrees(step: Step, position: str) -> bool:
     return True
 
 
-def make_hop(network: Network, start: int, step: Step, dead_nl: int) -> Hop | None:
+def make_hop(network: Network, start: int, step: SearchStep, dead_nl: int) -> Hop | None:
     """Make a hop of the steps to its end, unless its end cannot be one."""
     steps = [step]
     while steps[-1].parent is not None:
@@ -339,7 +339,7 @@ def make_hop(network: Network, start: int, step: Step, dead_nl: int) -> Hop | No
     for each in steps:
         ports += [(here, each.arc.own_port), (each.element, each.port)]
         here = each.element
-    if network.elements[here].role is Role.PUMP and _draws_elsewhere(network, ports):
+    if network.elements[here].role is ElementRole.PUMP and _draws_elsewhere(network, ports):
         return None
     inner = [
         (before.element, after.position)

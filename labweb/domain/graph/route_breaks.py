@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from itertools import islice
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.elements import Element, ElementRole, Tube
 from labweb.domain.graph.flow_obstacles import Flaw, find_flaws, find_link_flaw, find_no_pump
 from labweb.domain.graph.port_network import Arc, Network
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.graph.syringe_chain import Wanted
+from labweb.domain.graph.syringe_chain import WantedChain
 
 _LISTED = 8
 
@@ -27,7 +27,9 @@ class _Step:
     flaws: tuple[Flaw, ...]
 
 
-def find_breaks(network: Network, wanted: Wanted, defects: tuple[Finding, ...]) -> list[Finding]:
+def find_breaks(
+    network: Network, wanted: WantedChain, defects: tuple[Finding, ...]
+) -> list[Finding]:
     """Say which element liquid reaches, and what is missing after it.
 
     Every way is looked at as if nothing stood in it, and the one with the fewest breaks is
@@ -67,7 +69,7 @@ def _relevant(defects: tuple[Finding, ...], *keys: str) -> list[Finding]:
     return (on_way or list(defects))[:_LISTED]
 
 
-def _dead_ends(network: Network, wanted: Wanted) -> list[Finding]:
+def _dead_ends(network: Network, wanted: WantedChain) -> list[Finding]:
     """Return findings for an end that no tube leads from, or to."""
     source, target = network.elements[wanted.source], network.elements[wanted.target]
     leaving = {arc.own_port for arc in network.arcs[wanted.source]}
@@ -106,7 +108,7 @@ def _describe(tube: Tube, own: str) -> str:
     return f"a tube {'to' if tube.source == own else 'from'} {far}, which conducts one way"
 
 
-def _least_broken(network: Network, wanted: Wanted) -> _Step | None:
+def _least_broken(network: Network, wanted: WantedChain) -> _Step | None:
     around = _all_arcs(network)
     heap: list[tuple[int, int, bool, _Step]] = []
     found: Iterable[tuple[int, bool, _Step]] = _set_out(network, wanted, around[wanted.source])
@@ -129,7 +131,7 @@ def _least_broken(network: Network, wanted: Wanted) -> _Step | None:
 
 
 def _set_out(
-    network: Network, wanted: Wanted, around: list[tuple[Arc, str]]
+    network: Network, wanted: WantedChain, around: list[tuple[Arc, str]]
 ) -> Iterator[tuple[int, bool, _Step]]:
     reached = network.elements[wanted.source].key
     for arc, why in around:
@@ -141,7 +143,7 @@ def _set_out(
 
 def _onward(
     network: Network,
-    wanted: Wanted,
+    wanted: WantedChain,
     reached: tuple[int, _Step],
     settled: set[tuple[int, str, bool]],
 ) -> Iterator[tuple[int, bool, _Step]]:
@@ -162,11 +164,11 @@ def _onward(
 
 def _go_on(network: Network, step: _Step, settled: set[tuple[int, str, bool]]) -> Iterator[_Step]:
     element = network.elements[step.element]
-    pumped = step.pumped or element.role is Role.PUMP
+    pumped = step.pumped or element.role is ElementRole.PUMP
     for arc, why in _all_arcs(network)[step.element]:
         if (arc.far, arc.far_port, pumped) in settled:
             continue
-        if arc.tube is step.arc.tube and element.role is not Role.PUMP:
+        if arc.tube is step.arc.tube and element.role is not ElementRole.PUMP:
             continue
         flaws: tuple[Flaw, ...] = ()
         if Medium.LIQUID is arc.tube.medium is step.arc.tube.medium:
@@ -196,7 +198,7 @@ def _all_arcs(network: Network) -> list[list[tuple[Arc, str]]]:
     return around
 
 
-def _are_joined(network: Network, wanted: Wanted) -> bool:
+def _are_joined(network: Network, wanted: WantedChain) -> bool:
     """Tell whether links of any sort lead from one to the other; each network is asked once."""
     if network.islands is None:
         around = _all_arcs(network)
@@ -221,7 +223,7 @@ def _around(around: list[list[tuple[Arc, str]]], start: int) -> Iterator[int]:
                 waiting.append(arc.far)
 
 
-def _apart(network: Network, wanted: Wanted) -> Finding:
+def _apart(network: Network, wanted: WantedChain) -> Finding:
     source, target = network.elements[wanted.source].key, network.elements[wanted.target].key
     around = _all_arcs(network)
     sides = [

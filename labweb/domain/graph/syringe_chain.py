@@ -9,7 +9,7 @@ import heapq
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.hop_table import table_of
 from labweb.domain.graph.port_network import Hop, Network
 
@@ -20,7 +20,7 @@ _UNUSUAL = 10**24
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class WantedChain:
     """What a chain must be."""
 
     source: int
@@ -35,7 +35,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Chain:
+class SyringeChain:
     """The hops of one transfer, in order of flow; every hop but the last ends in a syringe."""
 
     hops: tuple[Hop, ...]
@@ -64,7 +64,7 @@ class _Reached:
     parent: _Reached | None
 
 
-def find_chain(network: Network, wanted: Wanted) -> Chain | None:
+def find_chain(network: Network, wanted: WantedChain) -> SyringeChain | None:
     """Find the chain that leads from the source to the target, or None.
 
     The ports that an element is left and entered by, unless others are asked for, count
@@ -73,8 +73,8 @@ def find_chain(network: Network, wanted: Wanted) -> Chain | None:
     the file does not matter.
     """
     ways = _Ways(network, wanted)
-    heap: list[tuple[int, int, _Reached | Chain]] = []
-    found: Iterable[tuple[int, _Reached | Chain]] = ways.first()
+    heap: list[tuple[int, int, _Reached | SyringeChain]] = []
+    found: Iterable[tuple[int, _Reached | SyringeChain]] = ways.first()
     count = 0
     settled: set[tuple[int, int, bool]] = set()
     while True:
@@ -84,7 +84,7 @@ def find_chain(network: Network, wanted: Wanted) -> Chain | None:
         if not heap:
             return None
         cost, _, nearest = heapq.heappop(heap)
-        if isinstance(nearest, Chain):
+        if isinstance(nearest, SyringeChain):
             return nearest
         place = (nearest.pump, nearest.passed, nearest.is_met)
         found = ()
@@ -93,19 +93,19 @@ def find_chain(network: Network, wanted: Wanted) -> Chain | None:
             found = ways.onward(nearest, cost)
 
 
-def _chain(last: _Reached, hop: Hop) -> Chain:
+def _chain(last: _Reached, hop: Hop) -> SyringeChain:
     hops = [hop]
     reached: _Reached | None = last
     while reached is not None:
         hops.append(reached.hop)
         reached = reached.parent
-    return Chain(tuple(reversed(hops)))
+    return SyringeChain(tuple(reversed(hops)))
 
 
 class _Ways:
     """The hops that a search may use, and what each costs."""
 
-    def __init__(self, network: Network, wanted: Wanted) -> None:
+    def __init__(self, network: Network, wanted: WantedChain) -> None:
         self._network = network
         self._wanted = wanted
         self._passable = frozenset(wanted.through)
@@ -113,13 +113,13 @@ class _Ways:
             manifolds = (
                 place
                 for place, element in enumerate(network.elements)
-                if element.role is Role.MANIFOLD
+                if element.role is ElementRole.MANIFOLD
             )
             self._passable |= frozenset(manifolds)
         self._table = table_of(network, self._passable)
         self._count = len(wanted.through)
 
-    def first(self) -> Iterator[tuple[int, _Reached | Chain]]:
+    def first(self) -> Iterator[tuple[int, _Reached | SyringeChain]]:
         """Yield each syringe that the source is drawn into, with its cost."""
         for hop in self._table.relays(self._wanted.source):
             passed = self.progress(hop, 0)
@@ -127,7 +127,7 @@ class _Ways:
                 is_met = self._wanted.over in (None, hop.end)
                 yield self.cost(hop) + _SYRINGE, _Reached(hop.end, passed, is_met, hop, None)
 
-    def onward(self, last: _Reached, cost: int) -> Iterator[tuple[int, _Reached | Chain]]:
+    def onward(self, last: _Reached, cost: int) -> Iterator[tuple[int, _Reached | SyringeChain]]:
         """Yield each syringe that one pushes into, and the whole chain if it can end here."""
         ends = self._table.deliveries(last.pump, self._wanted.target) if last.is_met else ()
         for hop in ends:
@@ -146,7 +146,7 @@ class _Ways:
         if not hop.passed:
             return passed
         for index in hop.passed:
-            if self._network.elements[index].role is Role.MANIFOLD:
+            if self._network.elements[index].role is ElementRole.MANIFOLD:
                 if self._wanted.through[passed : passed + 1] == (index,):
                     passed += 1
             elif self._wanted.through[passed : passed + 1] == (index,):

@@ -15,7 +15,7 @@ import msgspec
 MOST_ARGUMENTS_BYTES = 16 * 1024
 
 
-class Ask(msgspec.Struct, frozen=True, tag="ask", tag_field="t", kw_only=True):
+class ActionAsk(msgspec.Struct, frozen=True, tag="ask", tag_field="t", kw_only=True):
     """Somebody who is not known wants an action of a device."""
 
     epoch: int

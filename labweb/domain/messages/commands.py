@@ -217,7 +217,7 @@ class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only
     v: int = PROTOCOL_VERSION
 
 
-class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=True):
+class HostBatch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=True):
     """All that one host does of a run from here on: taken whole, or not at all."""
 
     host_id: UUID
@@ -236,7 +236,7 @@ class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=Tru
     v: int = PROTOCOL_VERSION
 
 
-Command = Do | Cancel | Resolve | Reset | Halt | Batch | Release | Receive
+Command = Do | Cancel | Resolve | Reset | Halt | HostBatch | Release | Receive
 
 
 class Nudge(msgspec.Struct, frozen=True, tag="nudge", tag_field="t", kw_only=True):

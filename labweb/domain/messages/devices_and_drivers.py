@@ -59,7 +59,7 @@ class DriverApproval(
     approved_at: str = ""
 
 
-class Devices(msgspec.Struct, frozen=True, tag="devices", tag_field="t", kw_only=True):
+class DevicesFrame(msgspec.Struct, frozen=True, tag="devices", tag_field="t", kw_only=True):
     """What the host serves from now on, and what it makes ready, within the same session."""
 
     epoch: int

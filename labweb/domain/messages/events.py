@@ -42,7 +42,7 @@ class EdgeEvent(msgspec.Struct, frozen=True, kw_only=True):
     """At most so far is `happened_s` wrong; None: the host has not measured."""
 
 
-class Events(msgspec.Struct, frozen=True, tag="events", tag_field="t", kw_only=True):
+class EventsFrame(msgspec.Struct, frozen=True, tag="events", tag_field="t", kw_only=True):
     """Events from `acked_seq + 1` on, without a gap."""
 
     epoch: int

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labweb.domain.action_files import FileAsked, FileGone, FileOffer, FilePart, FileTaken
-from labweb.domain.messages.action_asks import Ask, AskTold, WithdrawAsk
+from labweb.domain.messages.action_asks import ActionAsk, AskTold, WithdrawAsk
 from labweb.domain.messages.certificates_and_sightings import Renew, Renewed, Sightings
 from labweb.domain.messages.chain_heads import (
     Heads,
@@ -13,7 +13,7 @@ from labweb.domain.messages.commands import (
 )
 from labweb.domain.messages.device_looks import LookPart, LookTold
 from labweb.domain.messages.devices_and_drivers import (
-    Devices,
+    DevicesFrame,
     DriverPart,
     WantDriver,
 )
@@ -23,18 +23,18 @@ from labweb.domain.messages.driver_tryouts import (
     TryoutPart,
     TryoutTold,
 )
-from labweb.domain.messages.events import Ack, Events
+from labweb.domain.messages.events import Ack, EventsFrame
 from labweb.domain.messages.session import (
     Challenge,
     Heartbeat,
     Hello,
     Pulse,
     Refuse,
-    Resume,
+    ResumeSession,
     Welcome,
 )
-from labweb.domain.messages.stops import StopAcknowledged, StopLab
-from labweb.domain.messages.telemetry import Telemetry, TelemetryTaken
+from labweb.domain.messages.stops import StopAcknowledged, StopLabFrame
+from labweb.domain.messages.telemetry import TelemetryFrame, TelemetryTaken
 
 CLOSE_BAD_FRAME = 4400
 """Code with which the server closes a connection on which it was sent what it does not know."""
@@ -45,9 +45,9 @@ MAX_FRAME_BYTES = 256 * 1024
 
 EdgeFrame = (
     Hello
-    | Events
+    | EventsFrame
     | Heartbeat
-    | Telemetry
+    | TelemetryFrame
     | StopAcknowledged
     | FileOffer
     | FilePart
@@ -55,7 +55,7 @@ EdgeFrame = (
     | Renew
     | Sightings
     | WantDriver
-    | Ask
+    | ActionAsk
     | WithdrawAsk
     | TryoutOffer
     | TryoutTold
@@ -68,13 +68,13 @@ ServerFrame = (
     | Welcome
     | Refuse
     | Ack
-    | Resume
-    | StopLab
+    | ResumeSession
+    | StopLabFrame
     | Nudge
     | FileTaken
     | FileAsked
     | Renewed
-    | Devices
+    | DevicesFrame
     | DriverPart
     | AskTold
     | TelemetryTaken

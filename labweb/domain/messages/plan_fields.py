@@ -23,7 +23,7 @@ class Strict(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """An object without unknown fields."""
 
 
-class Lot(Strict, frozen=True):
+class PlanLot(Strict, frozen=True):
     """One lot in a vessel before the first step."""
 
     lot: Text
@@ -32,7 +32,7 @@ class Lot(Strict, frozen=True):
     mass_ug: Amount | None = None
 
 
-class Recipe(Strict, frozen=True):
+class PlanRecipe(Strict, frozen=True):
     """The recipe that a plan was made from."""
 
     id: Text
@@ -98,10 +98,10 @@ class RawPlan(Strict, frozen=True):
     """A plan whose steps are not read yet."""
 
     plan: Literal[1]
-    recipe: Recipe
+    recipe: PlanRecipe
     graph_sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
     bindings: Bindings
-    contents: dict[str, list[Lot]]
+    contents: dict[str, list[PlanLot]]
     capacities_ul: dict[str, Positive]
     steps: list[object]
     totals: Totals
@@ -114,7 +114,7 @@ class Parameters(Strict, frozen=True):
     """Parameters of an action; here none. A field that an action lacks reads as None."""
 
 
-class Port(Parameters, frozen=True):
+class ValvePort(Parameters, frozen=True):
     """Where a valve is turned to."""
 
     port: Text
@@ -139,7 +139,7 @@ class Draw(Stroke, frozen=True):
     unset: each in proportion, but for what a frit keeps back."""
 
 
-class Wait(Parameters, frozen=True):
+class PlanWait(Parameters, frozen=True):
     """How long nothing happens."""
 
     duration_s: Duration
@@ -199,7 +199,7 @@ class Light(Parameters, frozen=True):
     intensity_percent: Percent | None = None
 
 
-class Quantity(Parameters, frozen=True):
+class MeasuredQuantity(Parameters, frozen=True):
     """What is measured, and between which readings it is done."""
 
     quantity: Text
@@ -282,12 +282,12 @@ class Become(Parameters, frozen=True):
 
 TIMER, BY_HAND, DECLARED = "@timer", "@by_hand", "@declared"
 PARAMETERS: Mapping[str, type[Parameters]] = {
-    "set_port": Port,
+    "set_port": ValvePort,
     "open": Parameters,
     "close": Parameters,
     "aspirate": Draw,
     "dispense": Stroke,
-    "wait": Wait,
+    "wait": PlanWait,
     "stir": Stirring,
     "stop_stirring": Parameters,
     "set_temperature": Temperature,
@@ -306,7 +306,7 @@ PARAMETERS: Mapping[str, type[Parameters]] = {
     "stop_watching": Parameters,
     "start_light": Light,
     "stop_light": Parameters,
-    "measure": Quantity,
+    "measure": MeasuredQuantity,
     "start_ultrasound": Parameters,
     "stop_ultrasound": Parameters,
     "heat_by_microwave": Microwave,

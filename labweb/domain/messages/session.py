@@ -86,7 +86,7 @@ class Refuse(msgspec.Struct, frozen=True, tag="refuse", tag_field="t", kw_only=T
     message: str
 
 
-class Resume(msgspec.Struct, frozen=True, tag="resume", tag_field="t", kw_only=True):
+class ResumeSession(msgspec.Struct, frozen=True, tag="resume", tag_field="t", kw_only=True):
     """The server has caught up: the host may arm itself and start new work."""
 
     epoch: int

@@ -7,7 +7,7 @@ from uuid import UUID
 import msgspec
 
 
-class StopLab(msgspec.Struct, frozen=True, tag="stop_lab", tag_field="t", kw_only=True):
+class StopLabFrame(msgspec.Struct, frozen=True, tag="stop_lab", tag_field="t", kw_only=True):
     """Software stop: halt every device now and latch."""
 
     stop_id: UUID

@@ -13,9 +13,9 @@ from labweb.domain.proof.plan_state import (
     REMOVED,
     ROOM_C,
     TOLERANCE,
-    Effect,
+    ProofEffect,
     State,
-    Vacuum,
+    VacuumState,
     microlitres,
 )
 from labweb.domain.proof.plumbing import End
@@ -34,13 +34,13 @@ def act(state: State, action: Action) -> None:
         vessels = tuple(vessels_of(state.plumbing, action.device))
         state.record.touched.update((action.device, *vessels))
     value = _DEEDS[action.name](state, action)
-    state.record.effects.append(Effect(action.name, action.device, vessels, value))
+    state.record.effects.append(ProofEffect(action.name, action.device, vessels, value))
 
 
 def _wait(state: State, action: Action) -> object:
     del state
     parameters = action.parameters
-    return parameters.duration_s if isinstance(parameters, words.Wait) else None
+    return parameters.duration_s if isinstance(parameters, words.PlanWait) else None
 
 
 def _stir(state: State, action: Action) -> object:
@@ -106,18 +106,18 @@ def _start_vacuum(state: State, action: Action) -> object:
     if not isinstance(parameters, words.Pressure):
         return None
     pressure_mbar = parameters.pressure_mbar
-    state.vacuums[action.device] = Vacuum(is_running=True, pressure_mbar=pressure_mbar)
+    state.vacuums[action.device] = VacuumState(is_running=True, pressure_mbar=pressure_mbar)
     return pressure_mbar
 
 
 def _stop_vacuum(state: State, action: Action) -> object:
-    vacuum = state.vacuums.setdefault(action.device, Vacuum())
+    vacuum = state.vacuums.setdefault(action.device, VacuumState())
     vacuum.is_running = False
     return None
 
 
 def _vent(state: State, action: Action) -> object:
-    vacuum = state.vacuums.setdefault(action.device, Vacuum())
+    vacuum = state.vacuums.setdefault(action.device, VacuumState())
     if vacuum.is_running:
         message = f"{action.device} is vented while it runs"
         state.complain("interpret.vacuum_on", message, device=action.device)
@@ -187,7 +187,11 @@ def _light(state: State, action: Action) -> object:
 def _measure(state: State, action: Action) -> object:
     del state
     given = action.parameters
-    return (given.quantity, given.low, given.high) if isinstance(given, words.Quantity) else None
+    return (
+        (given.quantity, given.low, given.high)
+        if isinstance(given, words.MeasuredQuantity)
+        else None
+    )
 
 
 def _sound(state: State, action: Action) -> object:
@@ -281,7 +285,7 @@ def _become(state: State, action: Action) -> None:
     volume = Range.exactly(sum(gives.values()))
     state.mix_in(ends[-1], Contents(made, solids, volume))
     value = (dict(given.takes), dict(given.gives), given.takes_ug, given.gives_ug, given.to)
-    state.record.effects.append(Effect("become", action.device, (given.vessel,), value))
+    state.record.effects.append(ProofEffect("become", action.device, (given.vessel,), value))
 
 
 _OPENS = frozenset(("fill", "add_solid", "empty"))
@@ -314,11 +318,11 @@ def _by_hand(state: State, action: Action) -> None:
         state.reactivity.empty(vessel)
     else:
         _set_watch(state, vessel, action.device, is_on=action.name == "watch")
-    state.record.effects.append(Effect(action.name, action.device, (vessel,), value, lot))
+    state.record.effects.append(ProofEffect(action.name, action.device, (vessel,), value, lot))
 
 
 def _check(state: State, device: str, parameters: words.HandCheck) -> None:
-    state.record.effects.append(Effect("check", device, (), parameters.text))
+    state.record.effects.append(ProofEffect("check", device, (), parameters.text))
     vessel, least_ul = parameters.vessel, parameters.least_ul
     if vessel is None or least_ul is None:
         state.record.is_checked = True

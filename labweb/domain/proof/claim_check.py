@@ -26,8 +26,8 @@ from labweb.domain.proof.plan_state import (
     LOWER,
     TOLERANCE,
     UPPER,
-    Effect,
     Flow,
+    ProofEffect,
     State,
     microlitres,
 )
@@ -97,7 +97,7 @@ def _check_unclaimed(state: State, claim: Claim) -> None:
         state.complain("interpret.unclaimed", message)
 
 
-def _effects(state: State, name: str) -> list[Effect]:
+def _effects(state: State, name: str) -> list[ProofEffect]:
     return [effect for effect in state.record.effects if effect.name == name]
 
 

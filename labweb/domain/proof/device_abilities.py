@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from labweb.domain.graph.elements import Element, Role
+from labweb.domain.graph.elements import Element, ElementRole
 from labweb.domain.proof.plumbing import Plumbing, is_evaporator
 
 _HOTPLATE = re.compile(r"hot_?plate|rct|ret_?(control|visc)|heat_?chill|heater_?stirrer")
@@ -49,28 +49,28 @@ ACTIONS_OF: Mapping[str, frozenset[str]] = {
     "centrifuge": frozenset(["spin"]),
 }
 _LIQUID = {
-    Role.VALVE: frozenset(("set_port",)),
-    Role.SOLENOID: frozenset(("open", "close")),
+    ElementRole.VALVE: frozenset(("set_port",)),
+    ElementRole.SOLENOID: frozenset(("open", "close")),
 }
 
 
 def abilities(element: Element) -> frozenset[str]:
     """Return the actions that an element has, by its role and class."""
-    if element.role is Role.PUMP:
+    if element.role is ElementRole.PUMP:
         more = {"set_port"} if element.selects else set()
         return frozenset({"aspirate", "dispense"} | more)
     if element.role in _LIQUID:
         return _LIQUID[element.role]
     if is_evaporator(element):
         return ACTIONS_OF["evaporator"]
-    if element.role is Role.VACUUM:
+    if element.role is ElementRole.VACUUM:
         return frozenset() if is_line(element) else ACTIONS_OF["vacuum"]
     word = element.kind.lower()
-    if element.role is Role.VESSEL:
+    if element.role is ElementRole.VESSEL:
         is_itself = (("centrifuge", _CENTRIFUGE), ("microwave", _MICROWAVE))
         own = [sort for sort, pattern in is_itself if pattern.search(word)]
         return frozenset(action for sort in own for action in ACTIONS_OF[sort])
-    if element.role is not Role.OTHER:
+    if element.role is not ElementRole.OTHER:
         return frozenset()
     sorts = [
         sort
@@ -93,7 +93,7 @@ def abilities(element: Element) -> frozenset[str]:
 
 def is_line(element: Element) -> bool:
     """Tell whether an element is a vacuum line without a pump of its own."""
-    return element.role is Role.VACUUM and bool(_LINE.search(element.kind.lower()))
+    return element.role is ElementRole.VACUUM and bool(_LINE.search(element.kind.lower()))
 
 
 def vessels_of(plumbing: Plumbing, device: str) -> list[str]:
@@ -118,4 +118,4 @@ def pumps_of(plumbing: Plumbing, line: str) -> list[str]:
     if not is_line(plumbing.elements[line]):
         return [line]
     near = (plumbing.elements[key] for key in sorted(plumbing.neighbours(line)))
-    return [one.key for one in near if one.role is Role.VACUUM and not is_line(one)]
+    return [one.key for one in near if one.role is ElementRole.VACUUM and not is_line(one)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.messages.step_claims import Claim
 from labweb.domain.proof.gas_and_vacuum import Before, fail
 from labweb.domain.proof.lot_amount_ranges import NOTHING, UNITS_PER_NL, Contents, Range
@@ -43,7 +43,7 @@ def stop_solids(
     if is_dissolved:
         return
     cartridge = next(
-        (key for key in passed if state.plumbing.elements[key].role is Role.CARTRIDGE), None
+        (key for key in passed if state.plumbing.elements[key].role is ElementRole.CARTRIDGE), None
     )
     if cartridge is not None and taken.solids:
         state.held(cartridge).add(Contents({}, taken.solids))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.graph.rig.stated_volumes import check_volumes
 from labweb.domain.messages.plan_fields import BY_HAND, DECLARED, TIMER
@@ -17,13 +17,13 @@ from labweb.domain.proof.device_abilities import abilities, vessels_of
 from labweb.domain.proof.gas_and_vacuum import FOR_GAS, Before
 from labweb.domain.proof.incompatible_liquids import Came, Reactivity
 from labweb.domain.proof.lot_amount_ranges import NOTHING, Contents
-from labweb.domain.proof.plan_read import Action, Plan, Step
+from labweb.domain.proof.plan_read import Action, ProofPlan, ProofStep
 from labweb.domain.proof.plan_state import (
     LOWER,
     TOLERANCE,
     UPPER,
-    Record,
     State,
+    StepRecord,
     microlitres,
 )
 from labweb.domain.proof.plumbing import COLLECT, Plumbing
@@ -34,7 +34,7 @@ from labweb.domain.proof.tube_filling import check_filling
 from labweb.domain.proof.unplanned_mixing import amounts
 
 
-def check_plan(rig: Rig, plan: Plan, graph_sha256: str = "") -> list[Finding]:
+def check_plan(rig: Rig, plan: ProofPlan, graph_sha256: str = "") -> list[Finding]:
     """Execute a plan on a rig; an empty list means that all it claims is proved.
 
     Args:
@@ -48,7 +48,7 @@ def check_plan(rig: Rig, plan: Plan, graph_sha256: str = "") -> list[Finding]:
     return execute(rig, plan, graph_sha256).findings
 
 
-def execute(rig: Rig, plan: Plan, graph_sha256: str = "") -> State:
+def execute(rig: Rig, plan: ProofPlan, graph_sha256: str = "") -> State:
     """Execute a plan and return the state that it ends in, with all findings."""
     plumbing = Plumbing(rig)
     stated = _stated_capacities(plumbing)
@@ -84,7 +84,7 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "") -> State:
     return state
 
 
-def execute_alone(plumbing: Plumbing, step: Step, contents: Mapping[str, Contents]) -> State:
+def execute_alone(plumbing: Plumbing, step: ProofStep, contents: Mapping[str, Contents]) -> State:
     """Execute a transfer without a recipe, whose one record is the last of the state.
 
     Vessels have no bound, no vacuum runs, and a rotary evaporator is one vessel.
@@ -109,7 +109,7 @@ def _stated_capacities(plumbing: Plumbing) -> dict[str, int]:
     return {key: amount for key, amount in found.items() if amount is not None}
 
 
-def _check_vessels(state: State, plan: Plan) -> None:
+def _check_vessels(state: State, plan: ProofPlan) -> None:
     known = {*state.plumbing.elements, *filter(state.plumbing.is_vessel, plan.capacities)}
     named = (
         ("contents", {*plan.contents} - {*filter(state.plumbing.is_vessel, plan.contents)}),
@@ -123,7 +123,7 @@ def _check_vessels(state: State, plan: Plan) -> None:
             state.complain("interpret.unknown_vessel", message, vessel=key)
 
 
-def _check_stated(state: State, plan: Plan) -> None:
+def _check_stated(state: State, plan: ProofPlan) -> None:
     """Add a finding for what the graph says is there and the plan does not begin with.
 
     A plan may begin with more: what somebody states beside the graph. What is in the flask of a
@@ -131,7 +131,7 @@ def _check_stated(state: State, plan: Plan) -> None:
     """
     for key, element in sorted(state.plumbing.elements.items()):
         is_vessel = state.plumbing.is_vessel(key)
-        if not is_vessel and element.role is not Role.PUMP:
+        if not is_vessel and element.role is not ElementRole.PUMP:
             continue
         total, named = state.plumbing.stated(key)
         if not is_vessel and total:
@@ -152,7 +152,7 @@ def _check_stated(state: State, plan: Plan) -> None:
                     break
 
 
-def _fill_before(state: State, plan: Plan) -> None:
+def _fill_before(state: State, plan: ProofPlan) -> None:
     for key, contents in plan.contents.items():
         state.contents[key] = contents.copy()
         state.reactivity.fill_before(key, contents)
@@ -162,9 +162,9 @@ def _fill_before(state: State, plan: Plan) -> None:
             state.complain("interpret.overflow", message, vessel=key)
 
 
-def _execute_step(state: State, step: Step) -> Record:
+def _execute_step(state: State, step: ProofStep) -> StepRecord:
     state.where = f"step {step.id}"
-    state.record = record = Record()
+    state.record = record = StepRecord()
     both = {LOWER, UPPER}
     state.phases = {str(step.claim.vessel): both} if step.claim.kind == "separate" else {}
     before = Before(

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Element, Role
+from labweb.domain.graph.elements import Element, ElementRole
 from labweb.domain.graph.rig.nodes_as_elements import volume_nl
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents
-from labweb.domain.proof.plan_read import Plan
+from labweb.domain.proof.plan_read import ProofPlan
 from labweb.domain.proof.unplanned_mixing import (
     Company,
     Encounters,
@@ -27,7 +27,7 @@ from labweb.domain.proof.wetted_lines import Lines, Wetted
 from labweb.domain.resources.compatibility_table import CONFLICTS, STREAMS
 
 _GRAIN = UNITS_PER_NL // 2
-_PLAN = Plan(())
+_PLAN = ProofPlan(())
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Came:
 
 
 @dataclass(frozen=True)
-class Past:
+class WettedPast:
     """What wets syringes and valves, and what has met."""
 
     wetted: Wetted
@@ -66,7 +66,7 @@ class Reactivity:
     def __init__(
         self,
         elements: Mapping[str, Element],
-        plan: Plan = _PLAN,
+        plan: ProofPlan = _PLAN,
         condensing: Collection[str] = (),
     ) -> None:
         self._elements = elements
@@ -88,7 +88,7 @@ class Reactivity:
         self._met = Encounters(self._enmities(plan))
         self._step = _Step()
 
-    def _enmities(self, plan: Plan) -> Enmities:
+    def _enmities(self, plan: ProofPlan) -> Enmities:
         """Return which lots must not meet: by their groups, and by what the lab lists."""
         called, avoids = _materials(self._elements, plan)
         for lot in self._groups:
@@ -103,7 +103,7 @@ class Reactivity:
                 found.setdefault(frozenset(two), "the lab keeps them apart")
         return found
 
-    def check_declared(self, plan: Plan) -> list[Finding]:
+    def check_declared(self, plan: ProofPlan) -> list[Finding]:
         """List words that are none, and vessels that say more than the plan takes over."""
         findings = [
             Finding("interpret.chemistry", f"{word!r} of {lot} is no group", "groups")
@@ -114,7 +114,7 @@ class Reactivity:
             Finding("interpret.chemistry", f"`{name}` of {key} is no list of words", key)
             for key, element in self._elements.items()
             for name in ("groups", "takes")
-            if element.role is Role.VESSEL and not _is_readable(_said(element, name))
+            if element.role is ElementRole.VESSEL and not _is_readable(_said(element, name))
         ]
         if self._met.enmities and not plan.keeps_apart:
             two = " and ".join(sorted(min(self._met.enmities, key=sorted)))
@@ -122,7 +122,7 @@ class Reactivity:
             findings.append(Finding("interpret.chemistry", message, "keeps_apart"))
         return [*findings, *self._check_vessels(plan)]
 
-    def _check_vessels(self, plan: Plan) -> Iterator[Finding]:
+    def _check_vessels(self, plan: ProofPlan) -> Iterator[Finding]:
         """Yield a finding for words at a vessel that the plan says of none of its lots."""
         inside = {key: _lots(contents) for key, contents in plan.contents.items()}
         for lot, flasks in plan.bindings.reagents.items():
@@ -207,11 +207,11 @@ class Reactivity:
         """Note that a person has emptied a vessel."""
         self._met.empty(vessel)
 
-    def remember(self) -> Past:
+    def remember(self) -> WettedPast:
         """Return what is known now."""
-        return Past(self._lines.remember(), self._met.remember())
+        return WettedPast(self._lines.remember(), self._met.remember())
 
-    def may_be(self, past: Past) -> None:
+    def may_be(self, past: WettedPast) -> None:
         """Know from now on no more than that it is as here or as there."""
         self._met.may_be(past.met)
         self._lines.may_be(past.wetted)
@@ -219,7 +219,7 @@ class Reactivity:
     def pass_over(self, key: str, coming: Contents, origin: str) -> Iterator[Finding]:
         """Let liquid, or gas, go over a syringe or valve; yield what it must not meet."""
         element = self._elements.get(key)
-        if element is None or element.role not in (Role.PUMP, Role.VALVE):
+        if element is None or element.role not in (ElementRole.PUMP, ElementRole.VALVE):
             return
         self._step.origins.add(origin)
         wet = self._lines.amounts_on(key)
@@ -286,7 +286,7 @@ def _sum(films: Iterable[Mapping[Item, int]]) -> dict[Item, int]:
 
 
 def _materials(
-    elements: Mapping[str, Element], plan: Plan
+    elements: Mapping[str, Element], plan: ProofPlan
 ) -> tuple[dict[str, frozenset[str]], dict[str, frozenset[str]]]:
     """Return lot → what materials that avoid it may list, and lot → what its own avoids."""
     owners: dict[str, set[str]] = {}
@@ -308,7 +308,7 @@ def _materials(
 def _entries(element: Element) -> Iterator[Mapping[str, object]]:
     data = element.attributes.get("data")
     listed = data.get("liquid") if isinstance(data, Mapping) else None
-    if element.role is Role.VESSEL and isinstance(listed, list):
+    if element.role is ElementRole.VESSEL and isinstance(listed, list):
         yield from (entry for entry in listed if isinstance(entry, Mapping))
 
 
@@ -330,7 +330,7 @@ def _stated(element: Element) -> set[str]:
 def is_waste(element: Element) -> bool:
     """Tell whether a vessel is one for waste, by its class, or else by its type."""
     words = (element.kind.lower(), str(element.attributes.get("type") or "").lower())
-    return element.role is Role.VESSEL and any("waste" in word for word in words)
+    return element.role is ElementRole.VESSEL and any("waste" in word for word in words)
 
 
 def _lots(contents: Contents) -> set[str]:

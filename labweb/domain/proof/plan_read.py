@@ -19,8 +19,8 @@ from labweb.domain.messages.plan_fields import (
     TIMER,
     Bindings,
     HandCheck,
-    Lot,
     Parameters,
+    PlanLot,
     RawAction,
     RawPlan,
     RawStep,
@@ -50,7 +50,7 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ProofStep:
     """A claim and the actions that make it true."""
 
     id: int
@@ -69,10 +69,10 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ProofPlan:
     """All that is executed and compared."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[ProofStep, ...]
     contents: Mapping[str, Contents] = field(default_factory=dict)
     capacities: Mapping[str, int] = field(default_factory=dict)
     """Vessel → units that it holds."""
@@ -118,7 +118,7 @@ def mass_units(mass_ug: float) -> int:
     return grains * UNITS_PER_NL
 
 
-def parse_plan(raw: bytes) -> Plan:
+def parse_plan(raw: bytes) -> ProofPlan:
     """Read a plan.
 
     Args:
@@ -153,14 +153,14 @@ class _Reader:
         self.findings: list[Finding] = []
         self._actions = 0
 
-    def read(self, value: object) -> Plan | None:
+    def read(self, value: object) -> ProofPlan | None:
         raw = self._convert(value, RawPlan, "plan")
         if raw is None:
             return None
         steps = [self._step(step, f"steps[{place}]") for place, step in enumerate(raw.steps)]
         known = tuple(step for step in steps if step is not None)
         self._check_order(known)
-        return Plan(
+        return ProofPlan(
             steps=known,
             contents={key: self._contents(key, lots) for key, lots in raw.contents.items()},
             capacities={
@@ -205,7 +205,7 @@ class _Reader:
             self._shape(f"{subject}: {error}", subject)
             return None
 
-    def _contents(self, key: str, lots: list[Lot]) -> Contents:
+    def _contents(self, key: str, lots: list[PlanLot]) -> Contents:
         held = Contents()
         for lot in lots:
             amount = lot.volume_ul if lot.phase == "liquid" else lot.mass_ug
@@ -222,7 +222,7 @@ class _Reader:
                 held.add(Contents({}, {lot.lot: part}))
         return held
 
-    def _step(self, value: object, subject: str) -> Step | None:
+    def _step(self, value: object, subject: str) -> ProofStep | None:
         raw = self._convert(value, RawStep, subject)
         if raw is None:
             return None
@@ -232,7 +232,7 @@ class _Reader:
             return None
         after, skip_if = tuple(raw.after), tuple(raw.skip_if)
         place = (raw.of.queue, raw.of.beside)
-        return Step(raw.id, claim, tuple(groups), after, raw.estimate_s, skip_if, *place)
+        return ProofStep(raw.id, claim, tuple(groups), after, raw.estimate_s, skip_if, *place)
 
     def _claim(self, value: dict[str, object], subject: str) -> Claim | None:
         claim = self._convert(value, Claim, subject)
@@ -288,7 +288,7 @@ class _Reader:
             return None
         return Action(raw.device, raw.action, parameters)
 
-    def _check_order(self, steps: tuple[Step, ...]) -> None:
+    def _check_order(self, steps: tuple[ProofStep, ...]) -> None:
         for place, step in enumerate(steps, start=1):
             if step.id != place:
                 message = f"step {step.id} stands where step {place} belongs"

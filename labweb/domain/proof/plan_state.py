@@ -60,7 +60,7 @@ class Flow:
 
 
 @dataclass(frozen=True, slots=True)
-class Effect:
+class ProofEffect:
     """Something that an action did, beside moving liquid."""
 
     name: str
@@ -75,11 +75,11 @@ class Effect:
 
 
 @dataclass(slots=True)
-class Record:
+class StepRecord:
     """What one step has done so far."""
 
     flows: list[Flow] = field(default_factory=list)
-    effects: list[Effect] = field(default_factory=list)
+    effects: list[ProofEffect] = field(default_factory=list)
     turned: set[str] = field(default_factory=set)
     """Valves that this step has turned."""
 
@@ -109,7 +109,7 @@ class Record:
 
 
 @dataclass(slots=True)
-class Vacuum:
+class VacuumState:
     """State of a vacuum pump."""
 
     is_running: bool = False
@@ -137,7 +137,7 @@ class State:
         self.warmth: dict[str, tuple[float, float]] = {}
         """Vessel → the coldest and warmest that it may be in °C; not in it: as the room."""
 
-        self.vacuums: dict[str, Vacuum] = {}
+        self.vacuums: dict[str, VacuumState] = {}
         self.supplies: dict[End, str] = {}
         self.lowered: set[str] = set()
         self.lights: dict[str, words.Light] = {}
@@ -155,7 +155,7 @@ class State:
         self.reactivity = Reactivity({})
         """What is said of the chemistry of lots and wastes, and what syringes and valves keep."""
 
-        self.record = Record()
+        self.record = StepRecord()
         self.routes: dict[int, tuple[str, ...]] = {}
         """Step → the tubes that its liquid went through, in the order of the graph."""
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from labweb.domain.graph.elements import Element, Role
-from labweb.domain.messages.plan_fields import Draw, Port, Stroke
+from labweb.domain.graph.elements import Element, ElementRole
+from labweb.domain.messages.plan_fields import Draw, Stroke, ValvePort
 from labweb.domain.proof.dissolved_solids import BELOW_THE_FRIT, stop_solids, take_stated
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents
 from labweb.domain.proof.plan_read import Action, units
@@ -42,7 +42,7 @@ class Way:
 def turn(state: State, action: Action) -> None:
     """Turn one valve or switch one solenoid."""
     element = state.plumbing.elements[action.device]
-    if isinstance(action.parameters, Port):
+    if isinstance(action.parameters, ValvePort):
         port = action.parameters.port
         if not state.plumbing.can_turn(element, port):
             state.complain(
@@ -89,7 +89,7 @@ def move(state: State, actions: list[Action]) -> None:
 def _leads(state: State, way: Way) -> str:
     """Return which of the rates of a request a stroke has: a cartridge is passed as one draws."""
     elements = state.plumbing.elements
-    if any(elements[key].role is Role.CARTRIDGE for key in way.passed):
+    if any(elements[key].role is ElementRole.CARTRIDGE for key in way.passed):
         return "draw"
     if _is_pump(state, way.end.key):
         return "between"
@@ -120,13 +120,13 @@ def _find_way(state: State, action: Action) -> Way | None:
         taken.append(far)
         element = plumbing.elements[far.key]
         state.record.touched.add(far.key)
-        if element.role in (Role.VESSEL, Role.GAS, Role.PUMP):
+        if element.role in (ElementRole.VESSEL, ElementRole.GAS, ElementRole.PUMP):
             state.record.ways.append((start, *taken))
             return _arrive(state, action, far, tuple(passed), frozenset(taken))
         leave = _leave(state, element, far)
         if leave is None:
             return None
-        if element.role in (Role.CARTRIDGE, Role.MANIFOLD):
+        if element.role in (ElementRole.CARTRIDGE, ElementRole.MANIFOLD):
             passed.append(far.key)
         taken += [End(far.key, port) for port in sorted(leave) if port]
         # Whatever else is joined to the port that liquid comes by, it flows there as well.
@@ -170,11 +170,11 @@ def _only(
 def _leave(state: State, element: Element, entered: End) -> set[str] | None:
     """Return the ports by which liquid goes on; None: it does not."""
     plumbing = state.plumbing
-    if element.role is Role.VALVE and _stand(state, element) is None:
+    if element.role is ElementRole.VALVE and _stand(state, element) is None:
         return None
-    if element.role is Role.SOLENOID:
+    if element.role is ElementRole.SOLENOID:
         state.record.solenoids.add(element.key)
-    elif element.role not in (Role.VALVE, Role.CARTRIDGE, Role.MANIFOLD):
+    elif element.role not in (ElementRole.VALVE, ElementRole.CARTRIDGE, ElementRole.MANIFOLD):
         message = f"liquid would go to {element.key}, which is no vessel"
         state.complain("interpret.no_vessel", message, device=element.key)
         return None
@@ -200,7 +200,7 @@ def _arrive(
     volume = units(stroke.volume_ul)
     if action.name == "aspirate":
         passed = passed[::-1]
-    if element.role is Role.PUMP:
+    if element.role is ElementRole.PUMP:
         if element.selects and _stand(state, element) != end.port:
             message = f"{end.key} does not stand at {end.port!r}"
             state.complain("interpret.no_path", message, device=end.key)
@@ -221,7 +221,7 @@ def _check_crossing(state: State, ways: list[Way]) -> None:
     used: dict[End, str] = {}
     for way in ways:
         for port in way.ports:
-            if state.plumbing.elements[port.key].role in (Role.VESSEL, Role.GAS):
+            if state.plumbing.elements[port.key].role in (ElementRole.VESSEL, ElementRole.GAS):
                 continue
             other = used.setdefault(port, way.action.device)
             if other in (way.action.device, way.end.key):
@@ -232,7 +232,7 @@ def _check_crossing(state: State, ways: list[Way]) -> None:
 
 def _is_pump(state: State, key: str) -> bool:
     element = state.plumbing.elements.get(key)
-    return element is not None and element.role is Role.PUMP
+    return element is not None and element.role is ElementRole.PUMP
 
 
 def _is_pass(state: State, way: Way, partner: Way | None) -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from labweb.domain.proof.incompatible_liquids import Past
+from labweb.domain.proof.incompatible_liquids import WettedPast
 from labweb.domain.proof.lot_amount_ranges import Contents
-from labweb.domain.proof.plan_read import Step
+from labweb.domain.proof.plan_read import ProofStep
 from labweb.domain.proof.plan_state import ROOM_C, State
 
 
@@ -17,7 +17,7 @@ class _End:
 
     contents: Mapping[str, Contents]
     ports: Mapping[str, str]
-    past: Past
+    past: WettedPast
     """What wets syringes and valves, and what has met."""
 
     warmth: Mapping[str, tuple[float, float]]
@@ -35,7 +35,7 @@ class Rounds:
         self._readings: dict[int, tuple[int, ...]] = {}
         """Step that measures with a window → the round that it stands in."""
 
-    def begin(self, step: Step) -> None:
+    def begin(self, step: ProofStep) -> None:
         """Come to a step: into a round, from one to the next, or out of the last."""
         if step.skip_if != self._skip_if:
             goes_on = bool(self._skip_if) and all(
@@ -77,7 +77,7 @@ class Rounds:
                 del state.stands.ports[valve]
         self._ends, self._skip_if = [], ()
 
-    def _check_readings(self, step: Step) -> None:
+    def _check_readings(self, step: ProofStep) -> None:
         for key in step.skip_if:
             if self._readings.get(key) != self._skip_if:
                 message = f"step {key} is no reading of the round before that ends anything"

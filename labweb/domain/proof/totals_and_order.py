@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from labweb.domain.errors import Finding
 from labweb.domain.messages.plan_fields import BY_HAND
-from labweb.domain.proof.plan_read import Plan, Step
-from labweb.domain.proof.plan_state import TOLERANCE, Record
+from labweb.domain.proof.plan_read import ProofPlan, ProofStep
+from labweb.domain.proof.plan_state import TOLERANCE, StepRecord
 
 _CLOSE = 1e-6
 _Queue = tuple[str | None, str | None]
@@ -19,7 +19,7 @@ _UNHELD = frozenset(("wait", "ask"))
 """Claims that name no vessel: what they are for is what runs when they begin."""
 
 
-def check_after(steps: Sequence[Step], touched: Sequence[set[str]]) -> list[Finding]:
+def check_after(steps: Sequence[ProofStep], touched: Sequence[set[str]]) -> list[Finding]:
     """List the steps that do not wait for an earlier one with whose device or vessel they work.
 
     What names no vessel has its order from its queue.
@@ -59,7 +59,7 @@ class _Queues:
         self._unheld: dict[_Queue, int] = {}
         """Queue → those of them that name no vessel."""
 
-    def check(self, step: Step, known: int) -> list[Finding]:
+    def check(self, step: ProofStep, known: int) -> list[Finding]:
         """List what a step has to wait for, and does not; `known` are the steps it waits for."""
         queue: _Queue = (step.queue, step.beside)
         is_unheld = step.claim.kind in _UNHELD
@@ -86,7 +86,7 @@ def _waits(queue: _Queue, other: _Queue) -> bool:
     return queue == _ROOT and other[1] is None
 
 
-def check_totals(plan: Plan, records: Sequence[Record]) -> list[Finding]:
+def check_totals(plan: ProofPlan, records: Sequence[StepRecord]) -> list[Finding]:
     """List the totals that are not the sums of the steps."""
     totals = plan.totals
     return [
@@ -106,7 +106,7 @@ def _is_close(said: float | None, found: float) -> bool:
     return said is None or math.isclose(said, found, rel_tol=_CLOSE, abs_tol=1e-3)
 
 
-def _critical_path_s(steps: Sequence[Step]) -> float:
+def _critical_path_s(steps: Sequence[ProofStep]) -> float:
     ends: dict[int, float] = {}
     for step in steps:
         begins = max((ends.get(other, 0.0) for other in step.after), default=0.0)
@@ -114,12 +114,12 @@ def _critical_path_s(steps: Sequence[Step]) -> float:
     return max(ends.values(), default=0.0)
 
 
-def _by_hand_count(plan: Plan) -> int:
+def _by_hand_count(plan: ProofPlan) -> int:
     actions = (action for step in plan.steps for group in step.groups for action in group)
     return sum(action.device == BY_HAND for action in actions)
 
 
-def _delivered(plan: Plan, records: Sequence[Record]) -> Iterator[tuple[str, str, int]]:
+def _delivered(plan: ProofPlan, records: Sequence[StepRecord]) -> Iterator[tuple[str, str, int]]:
     """Yield vessel, lot and units of what came out of flasks of reagents, without rinses."""
     flasks = plan.flasks()
     for step, record in zip(plan.steps, records, strict=True):
@@ -129,7 +129,7 @@ def _delivered(plan: Plan, records: Sequence[Record]) -> Iterator[tuple[str, str
                     yield flow.target.key, lot, amount.most
 
 
-def _added(records: Sequence[Record]) -> Iterator[tuple[str, str, int]]:
+def _added(records: Sequence[StepRecord]) -> Iterator[tuple[str, str, int]]:
     """Yield vessel, lot and units of the solids that people added."""
     for effect in (effect for record in records for effect in record.effects):
         if effect.name == "add_solid" and isinstance(effect.value, int):

@@ -11,7 +11,7 @@ from labweb.domain.messages.plan_fields import TIMER
 from labweb.domain.messages.step_claims import Claim
 from labweb.domain.proof.execute_plan import execute_alone
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
-from labweb.domain.proof.plan_read import Action, Step, parse_groups
+from labweb.domain.proof.plan_read import Action, ProofStep, parse_groups
 from labweb.domain.proof.plumbing import Plumbing
 from labweb.domain.units import parse, parse_volume_nl
 
@@ -111,7 +111,7 @@ def _execute(
         through=list(asked.get("through") or ()),
     )
     contents = {} if is_gas else {source: Contents({_LOT: twice}, {}, twice)}
-    state = execute_alone(plumbing, Step(1, claim, groups, (), 0), contents)
+    state = execute_alone(plumbing, ProofStep(1, claim, groups, (), 0), contents)
     wanted = (asked.get("from_port"), asked.get("to_port"))
     for flow in state.record.flows:
         for port, other in zip((flow.source.port, flow.target.port), wanted, strict=True):

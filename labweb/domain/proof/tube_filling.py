@@ -6,15 +6,17 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from labweb.domain.errors import Finding
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL
-from labweb.domain.proof.plan_read import Plan
-from labweb.domain.proof.plan_state import Record
+from labweb.domain.proof.plan_read import ProofPlan
+from labweb.domain.proof.plan_state import StepRecord
 from labweb.domain.proof.plumbing import Plumbing
 
 Ends = frozenset[tuple[str, str]]
 """Both ends of a tube: element and port. A tube that is drawn in both directions is one."""
 
 
-def check_filling(plan: Plan, plumbing: Plumbing, records: Sequence[Record]) -> Iterator[Finding]:
+def check_filling(
+    plan: ProofPlan, plumbing: Plumbing, records: Sequence[StepRecord]
+) -> Iterator[Finding]:
     """Yield a finding for each delivery out of a tube that is not known to be full.
 
     A plan that sums up what priming takes (`totals.primed_ul`) claims that it primes.
@@ -54,7 +56,7 @@ def _check_full(
             drawn[flask, ends] = held
 
 
-def _tubes(plumbing: Plumbing, record: Record, flask: str) -> dict[Ends, int]:
+def _tubes(plumbing: Plumbing, record: StepRecord, flask: str) -> dict[Ends, int]:
     """Return the tubes of a step that end at a flask, and the units that each says it holds."""
     used = set(plumbing.tubes_of(record.ways))
     found: dict[Ends, int] = {}

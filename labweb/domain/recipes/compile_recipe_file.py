@@ -11,12 +11,12 @@ from labweb.domain.errors import Finding, ProtocolError
 from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.proof.prove_plan import prove
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_to_plan import Wish, check_single, compile_recipe
+from labweb.domain.recipes.recipe_to_plan import CompileWish, check_single, compile_recipe
 from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import to_workflow
 from labweb.domain.recipes.xdl.file_format.read_xdl import check_document, refusal
 from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
 from labweb.domain.recipes.xdl.file_format.xdl_json import parse_json
-from labweb.domain.recipes.xdl.file_format.xml_tree import Document, parse_markup
+from labweb.domain.recipes.xdl.file_format.xml_tree import XmlDocument, parse_markup
 from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import OnRig
 from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
 from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
@@ -38,7 +38,7 @@ def digest(raw: bytes) -> str:
     return hashlib.sha256(raw).hexdigest()
 
 
-def parse_recipe(raw: bytes) -> Document:
+def parse_recipe(raw: bytes) -> XmlDocument:
     """Read the markup of a recipe, XML or JSON.
 
     Raises:
@@ -78,7 +78,7 @@ def read_recipe(raw: bytes, rig: Rig | None = None, library: Iterable[bytes] = (
     return recipe
 
 
-def plan_recipe(recipe: Recipe, rig: Rig, wish: Wish, head: Mapping[str, Any]) -> Proved:
+def plan_recipe(recipe: Recipe, rig: Rig, wish: CompileWish, head: Mapping[str, Any]) -> Proved:
     """Compile a recipe and have the plan proved.
 
     Args:
@@ -108,7 +108,7 @@ def plan_recipe(recipe: Recipe, rig: Rig, wish: Wish, head: Mapping[str, Any]) -
 
 def workflow_of(
     recipe: Recipe,
-    wish: Wish,
+    wish: CompileWish,
     *,
     name: str,
     declared: Declared | None = None,

@@ -23,10 +23,10 @@ from labweb.domain.recipes.compile_recipe_file import (
     plan_recipe,
     read_recipe,
 )
-from labweb.domain.recipes.on_rig.binding import Binding, bind, may_be
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.recipes.on_rig.binding import RigBinding, bind, may_be
+from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 from labweb.domain.recipes.on_rig.labels import alike
-from labweb.domain.recipes.recipe_to_plan import Wish, expand_recipe
+from labweb.domain.recipes.recipe_to_plan import CompileWish, expand_recipe
 from labweb.domain.recipes.rig_choices import without_jars
 from labweb.domain.recipes.workflow_on_rig import document_of, workflow_on_rig
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
@@ -50,7 +50,7 @@ _WISHED = frozenset(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class PreviewAsked:
     """What whoever opens a recipe says."""
 
     name: str
@@ -91,7 +91,7 @@ class Asked:
         """
         return read_declared(self.declared) if self.declared else None
 
-    def wish(self, recipe: Recipe, stated: Declared | None) -> Wish:
+    def wish(self, recipe: Recipe, stated: Declared | None) -> CompileWish:
         """Return it for the compiler; what is bound by hand wins over what is stated.
 
         Raises:
@@ -102,7 +102,7 @@ class Asked:
         if wrong:
             first = wrong[0]
             raise UnitError(first.message, code=first.code, findings=wrong)
-        return Wish(
+        return CompileWish(
             bind={**keys, **self.bind},
             holds_nl=holds,
             rinse=self.rinse,
@@ -131,7 +131,7 @@ class Asked:
         return found, wrong
 
 
-def open_recipe(asked: Asked) -> dict[str, Any]:
+def open_recipe(asked: PreviewAsked) -> dict[str, Any]:
     """Read, bind, compile and prove; what is wrong is part of the answer.
 
     Returns:
@@ -185,7 +185,7 @@ def open_recipe(asked: Asked) -> dict[str, Any]:
 
 
 def _draw(
-    answer: dict[str, Any], asked: Asked, recipe: Recipe, rig: Rig, stated: Declared | None
+    answer: dict[str, Any], asked: PreviewAsked, recipe: Recipe, rig: Rig, stated: Declared | None
 ) -> None:
     """Add the workflow that a proved plan becomes, or why it becomes none."""
     rows = answer["bindings"]
@@ -200,7 +200,7 @@ def _draw(
         _tell(answer, "workflow", error)
 
 
-def advise_on(asked: Asked, clock: Clock | None = None) -> dict[str, Any]:
+def advise_on(asked: PreviewAsked, clock: Clock | None = None) -> dict[str, Any]:
     """Return what to change in the graph so that the recipe compiles and is proved, or why not.
 
     Args:
@@ -219,7 +219,7 @@ def advise_on(asked: Asked, clock: Clock | None = None) -> dict[str, Any]:
     return {"ok": False, "findings": [finding.to_json() for finding in found]}
 
 
-def workflow_from(asked: Asked) -> dict[str, Any]:
+def workflow_from(asked: PreviewAsked) -> dict[str, Any]:
     """Return the document of a workflow that does what the plan of a recipe is proved to do.
 
     Returns:
@@ -244,7 +244,7 @@ def workflow_from(asked: Asked) -> dict[str, Any]:
     return {"document": document, "proved": proved}
 
 
-def _stated(asked: Asked, answer: dict[str, Any]) -> Declared | None:
+def _stated(asked: PreviewAsked, answer: dict[str, Any]) -> Declared | None:
     try:
         return asked.stated()
     except LabError as error:
@@ -252,7 +252,7 @@ def _stated(asked: Asked, answer: dict[str, Any]) -> Declared | None:
         return None
 
 
-def _rig(asked: Asked, answer: dict[str, Any]) -> Rig | None:
+def _rig(asked: PreviewAsked, answer: dict[str, Any]) -> Rig | None:
     if not asked.graph:
         return None
     try:
@@ -300,7 +300,7 @@ def _held(equipment: Equipment, key: str) -> list[dict[str, Any]]:
     return [{"name": name, "volume_ul": nl / _NL_PER_UL} for name, nl in found]
 
 
-def _recipe(recipe: Recipe, asked: Asked) -> dict[str, Any]:
+def _recipe(recipe: Recipe, asked: PreviewAsked) -> dict[str, Any]:
     single = recipe.syntheses[0] if len(recipe.syntheses) == 1 else None
     parameters = () if single is None else single.parameters
     return {
@@ -327,13 +327,13 @@ def _recipe(recipe: Recipe, asked: Asked) -> dict[str, Any]:
     }
 
 
-def _bound(recipe: Recipe, rig: Rig, wish: Wish) -> Binding:
+def _bound(recipe: Recipe, rig: Rig, wish: CompileWish) -> RigBinding:
     operations = all_operations(expand_recipe(recipe, wish))
     return bind(recipe.synthesis, operations, Equipment(rig), wish.bind, Findings(), wish.rinse)
 
 
 def _bindings(
-    procedure: Procedure, rig: Rig, asked: Asked, binding: Binding | None
+    procedure: Procedure, rig: Rig, asked: PreviewAsked, binding: RigBinding | None
 ) -> list[dict[str, Any]]:
     """List what the recipe declares: what it is here, and what else it may be."""
     equipment = Equipment(rig)
@@ -344,7 +344,9 @@ def _bindings(
         choices = [key for key, sort in equipment.vessels.items() if may_be(one, sort)]
         keys = [vessels[one.id]] if one.id in vessels else []
         rows.append(_row(one.id, "vessel", one.type, keys, choices, asked))
-    flasks = [k for k, sort in equipment.vessels.items() if sort in (Sort.FLASK, Sort.PLAIN)]
+    flasks = [
+        k for k, sort in equipment.vessels.items() if sort in (VesselSort.FLASK, VesselSort.PLAIN)
+    ]
     for reagent in procedure.reagents:
         if reagent.is_solid and reagent.id not in reagents:
             continue
@@ -358,7 +360,7 @@ def _bindings(
 
 
 def _row(
-    role: str, what: str, told: str, keys: list[str], choices: list[str], asked: Asked
+    role: str, what: str, told: str, keys: list[str], choices: list[str], asked: PreviewAsked
 ) -> dict[str, Any]:
     return {
         "role": role,

@@ -12,10 +12,10 @@ from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.graph.rig.stated_volumes import check_volumes
 from labweb.domain.recipes.on_rig import rinsing
-from labweb.domain.recipes.on_rig.binding import Binding, bind
+from labweb.domain.recipes.on_rig.binding import RigBinding, bind
 from labweb.domain.recipes.on_rig.charging import charge, check_charge
 from labweb.domain.recipes.on_rig.chemistry import read_chemistry
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 from labweb.domain.recipes.on_rig.making import BESIDE, BY_HAND, Making
 from labweb.domain.recipes.on_rig.matter import micro, plain
 from labweb.domain.recipes.on_rig.meetings import Meetings
@@ -37,7 +37,7 @@ from labweb.domain.recipes.on_rig.steps import (
     rounds,
 )
 from labweb.domain.recipes.xdl.expansion.act_reading import default_number
-from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind, BasicOperation
 from labweb.domain.recipes.xdl.expansion.expand import Expansion, all_operations, expand
 from labweb.domain.recipes.xdl.expansion.unread_properties import Heeded
 from labweb.domain.recipes.xdl.file_format.findings import Findings
@@ -51,46 +51,46 @@ MOST_STEPS = 100_000
 _MOST_DEFECTS = 8
 _MOST_ROUNDS = "repeat.most_rounds"
 
-_HANDLERS: Mapping[Kind, Callable[[Making, BasicOperation], None]] = {
-    Kind.ADD_LIQUID: liquids.add_liquid,
-    Kind.ADD_SOLID: liquids.add_solid,
-    Kind.TRANSFER: liquids.transfer,
-    Kind.SEPARATE_PHASES: parting.separate_phases,
-    Kind.DRAW_FILTRATE: parting.draw_filtrate,
-    Kind.RUN_COLUMN: liquids.transfer,
-    Kind.RINSE_LINES: rinsing.rinse_lines,
-    Kind.FLUSH_LINES: rinsing.flush_lines,
-    Kind.START_STIR: conditions.start_stir,
-    Kind.STOP_STIR: conditions.stop_stir,
-    Kind.SET_TEMPERATURE: conditions.set_temperature,
-    Kind.AWAIT_TEMPERATURE: conditions.await_temperature,
-    Kind.STOP_TEMPERATURE: conditions.stop_temperature,
-    Kind.WAIT: conditions.wait,
-    Kind.START_VACUUM: gases.start_vacuum,
-    Kind.STOP_VACUUM: gases.stop_vacuum,
-    Kind.START_GAS: gases.start_gas,
-    Kind.STOP_GAS: gases.stop_gas,
-    Kind.START_ROTATION: conditions.start_rotation,
-    Kind.STOP_ROTATION: conditions.stop_rotation,
-    Kind.LOWER_FLASK: conditions.lower_flask,
-    Kind.RAISE_FLASK: conditions.raise_flask,
-    Kind.EVAPORATE: conditions.evaporate,
-    Kind.START_LIGHT: conditions.start_light,
-    Kind.STOP_LIGHT: conditions.stop_light,
-    Kind.MEASURE: conditions.measure,
-    Kind.START_ULTRASOUND: instruments.start_ultrasound,
-    Kind.STOP_ULTRASOUND: instruments.stop_ultrasound,
-    Kind.MICROWAVE: instruments.microwave,
-    Kind.SPIN: instruments.spin,
-    Kind.COLLECT_DISTILLATE: instruments.distill,
-    Kind.ADJUST: rounds.adjust,
-    Kind.ASK: conditions.ask,
-    Kind.AWAIT: conditions.await_lane,
+_HANDLERS: Mapping[BasicKind, Callable[[Making, BasicOperation], None]] = {
+    BasicKind.ADD_LIQUID: liquids.add_liquid,
+    BasicKind.ADD_SOLID: liquids.add_solid,
+    BasicKind.TRANSFER: liquids.transfer,
+    BasicKind.SEPARATE_PHASES: parting.separate_phases,
+    BasicKind.DRAW_FILTRATE: parting.draw_filtrate,
+    BasicKind.RUN_COLUMN: liquids.transfer,
+    BasicKind.RINSE_LINES: rinsing.rinse_lines,
+    BasicKind.FLUSH_LINES: rinsing.flush_lines,
+    BasicKind.START_STIR: conditions.start_stir,
+    BasicKind.STOP_STIR: conditions.stop_stir,
+    BasicKind.SET_TEMPERATURE: conditions.set_temperature,
+    BasicKind.AWAIT_TEMPERATURE: conditions.await_temperature,
+    BasicKind.STOP_TEMPERATURE: conditions.stop_temperature,
+    BasicKind.WAIT: conditions.wait,
+    BasicKind.START_VACUUM: gases.start_vacuum,
+    BasicKind.STOP_VACUUM: gases.stop_vacuum,
+    BasicKind.START_GAS: gases.start_gas,
+    BasicKind.STOP_GAS: gases.stop_gas,
+    BasicKind.START_ROTATION: conditions.start_rotation,
+    BasicKind.STOP_ROTATION: conditions.stop_rotation,
+    BasicKind.LOWER_FLASK: conditions.lower_flask,
+    BasicKind.RAISE_FLASK: conditions.raise_flask,
+    BasicKind.EVAPORATE: conditions.evaporate,
+    BasicKind.START_LIGHT: conditions.start_light,
+    BasicKind.STOP_LIGHT: conditions.stop_light,
+    BasicKind.MEASURE: conditions.measure,
+    BasicKind.START_ULTRASOUND: instruments.start_ultrasound,
+    BasicKind.STOP_ULTRASOUND: instruments.stop_ultrasound,
+    BasicKind.MICROWAVE: instruments.microwave,
+    BasicKind.SPIN: instruments.spin,
+    BasicKind.COLLECT_DISTILLATE: instruments.distill,
+    BasicKind.ADJUST: rounds.adjust,
+    BasicKind.ASK: conditions.ask,
+    BasicKind.AWAIT: conditions.await_lane,
 }
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wish:
+class CompileWish:
     """What whoever compiles a recipe says beside the recipe."""
 
     bind: Mapping[str, str] = field(default_factory=dict)
@@ -113,7 +113,7 @@ class Wish:
     equiv_amount: str = ""
 
 
-def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[str, Any]:
+def compile_recipe(recipe: Recipe, rig: Rig, wish: CompileWish | None = None) -> dict[str, Any]:
     """Plan the synthesis of a recipe on a rig.
 
     Every volume is followed from its flask on, so that a plan that is returned runs no vessel dry
@@ -129,7 +129,7 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     Effect:
         None.
     """
-    asked = wish or Wish()
+    asked = wish or CompileWish()
     expanded = expand_recipe(recipe, asked)
     equipment, told = Equipment(rig), Findings()
     operations = tuple(all_operations(expanded))
@@ -173,14 +173,14 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     return _render(making, contents)
 
 
-def _kept_apart(equipment: Equipment, binding: Binding) -> set[str]:
+def _kept_apart(equipment: Equipment, binding: RigBinding) -> set[str]:
     """Return the vessels in which liquids meet that the recipe never brought together."""
-    wastes = {key for key, sort in equipment.vessels.items() if sort is Sort.WASTE}
+    wastes = {key for key, sort in equipment.vessels.items() if sort is VesselSort.WASTE}
     drained = {equipment.collecting(key) or "" for key in equipment.vessels}
     return wastes | (drained - {"", *binding.vessels.values()})
 
 
-def _leftovers(equipment: Equipment, binding: Binding) -> frozenset[str]:
+def _leftovers(equipment: Equipment, binding: RigBinding) -> frozenset[str]:
     """Return what the graph says is in vessels, and is no reagent of the recipe."""
     keys = equipment.vessels.keys() - binding.flasks()
     named = frozenset(name for key in keys for name, _ in equipment.contents(key))
@@ -209,7 +209,7 @@ def check_single(recipe: Recipe) -> None:
         raise ProtocolError(f"the file {what}", code="plan.no_recipe")
 
 
-def expand_recipe(recipe: Recipe, wish: Wish) -> tuple[Expansion, ...]:
+def expand_recipe(recipe: Recipe, wish: CompileWish) -> tuple[Expansion, ...]:
     """Return the basic operations of a recipe, still without a rig.
 
     Raises:
@@ -232,7 +232,7 @@ def _infeasible(findings: Iterable[Finding]) -> InfeasibleError:
     return InfeasibleError(first.message + more, code=first.code, findings=unique)
 
 
-def _rinses(procedure: Procedure, binding: Binding, wish: Wish) -> tuple[str, ...]:
+def _rinses(procedure: Procedure, binding: RigBinding, wish: CompileWish) -> tuple[str, ...]:
     if wish.rinse:
         return tuple(name for name in wish.rinse if name in binding.reagents)
     return tuple(
@@ -243,7 +243,7 @@ def _rinses(procedure: Procedure, binding: Binding, wish: Wish) -> tuple[str, ..
 
 
 def _make(
-    making: Making, expanded: tuple[Expansion, ...], wish: Wish
+    making: Making, expanded: tuple[Expansion, ...], wish: CompileWish
 ) -> dict[str, list[dict[str, str | float]]]:
     """Make all steps; return what was in the vessels before the first."""
     charge(making, wish.holds_nl)

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from labweb.domain.errors import Finding, LabFileError, UnitError
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.lab_file.untrusted_json import decode_json
 from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.graph.route_breaks import find_breaks
-from labweb.domain.graph.syringe_chain import Chain, Wanted, find_chain
+from labweb.domain.graph.syringe_chain import SyringeChain, WantedChain, find_chain
 from labweb.domain.units import parse, parse_volume_nl, steady
 from labweb.domain.workflows.passes.liquids.stroke_pipeline import Group, make_groups
 from labweb.domain.workflows.passes.liquids.stroke_splitting import count_strokes
@@ -160,14 +160,14 @@ def plan_on_rig(rig: Rig, request: TransferRequest) -> tuple[list[Group], list[F
     return _strokes(rig, request, chain)
 
 
-def _find_ends(rig: Rig, request: TransferRequest) -> Wanted | list[Finding]:
+def _find_ends(rig: Rig, request: TransferRequest) -> WantedChain | list[Finding]:
     network = rig.network
     found: list[Finding] = []
-    for key, given in ((request.source, Role.GAS), (request.target, None)):
+    for key, given in ((request.source, ElementRole.GAS), (request.target, None)):
         place = network.index.get(key)
         if place is None:
             found.append(Finding("plan.unknown_vessel", f"{key!r} is not in the graph", key))
-        elif network.elements[place].role not in (Role.VESSEL, given):
+        elif network.elements[place].role not in (ElementRole.VESSEL, given):
             element = network.elements[place]
             message = f"{key} is no vessel but a {element.kind or element.role.value}"
             found.append(Finding("plan.not_a_vessel", message, key))
@@ -175,7 +175,7 @@ def _find_ends(rig: Rig, request: TransferRequest) -> Wanted | list[Finding]:
         place = network.index.get(key)
         if place is None:
             found.append(Finding("plan.unknown_vessel", f"{key!r} is not in the graph", key))
-        elif network.elements[place].role not in (Role.CARTRIDGE, Role.MANIFOLD):
+        elif network.elements[place].role not in (ElementRole.CARTRIDGE, ElementRole.MANIFOLD):
             message = f"{key} is neither a cartridge nor a manifold: nothing leads through it"
             found.append(Finding("plan.no_conductor", message, key))
     if request.source == request.target:
@@ -183,7 +183,7 @@ def _find_ends(rig: Rig, request: TransferRequest) -> Wanted | list[Finding]:
         found.append(Finding("plan.same_vessel", message, request.source))
     if found:
         return found
-    return Wanted(
+    return WantedChain(
         source=network.index[request.source],
         target=network.index[request.target],
         source_port=request.source_port,
@@ -193,7 +193,9 @@ def _find_ends(rig: Rig, request: TransferRequest) -> Wanted | list[Finding]:
     )
 
 
-def _strokes(rig: Rig, request: TransferRequest, chain: Chain) -> tuple[list[Group], list[Finding]]:
+def _strokes(
+    rig: Rig, request: TransferRequest, chain: SyringeChain
+) -> tuple[list[Group], list[Finding]]:
     network = rig.network
     syringes = [network.elements[index].capacity_nl or 0 for index in chain.pumps]
     syringe_nl = min(syringes)
@@ -206,7 +208,7 @@ def _strokes(rig: Rig, request: TransferRequest, chain: Chain) -> tuple[list[Gro
         )
         return [], [Finding("plan.too_many_strokes", message, request.source)]
     is_slow = [
-        any(network.elements[index].role is Role.CARTRIDGE for index in hop.passed)
+        any(network.elements[index].role is ElementRole.CARTRIDGE for index in hop.passed)
         for hop in chain.hops
     ]
     rates = _hop_rates(request, is_slow, min(MOVE_UL_S, syringe_nl / 1000 / FULL_STROKE_S))

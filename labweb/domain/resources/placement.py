@@ -12,7 +12,7 @@ from labweb.domain.resources.resource_kinds import KINDS, Nature
 from labweb.domain.resources.resource_tree import Tree
 
 
-class Standing(Protocol):
+class StandingThing(Protocol):
     """A thing, or a place, as far as the rule looks at it."""
 
     @property
@@ -25,7 +25,7 @@ class Standing(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Thing:
+class PlacedThing:
     """The least that the rule needs to know of what stands somewhere."""
 
     id: UUID
@@ -34,7 +34,7 @@ class Thing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Room:
+class PlaceRoom:
     """What a kind of place takes."""
 
     takes: frozenset[str]
@@ -72,45 +72,47 @@ _BUILT_IN = frozenset({"well", "tip_spot"})
 """Never without the labware that they are a part of."""
 
 _ANYTHING = frozenset(KINDS) - {"lab"} - _BUILT_IN
-_NOTHING = Room(takes=frozenset())
-_ONE_ON_TOP = Room(takes=_MOVED, has=_SLOTS | _DEVICES, at_most=1, is_divided=True)
-_CHAMBER = Room(takes=_MOVED, has=_SLOTS | _DEVICES, is_divided=True)
-_TRAYS = Room(takes=_MOVED, has=_SLOTS | _DEVICES | {"carrier"}, is_divided=True)
+_NOTHING = PlaceRoom(takes=frozenset())
+_ONE_ON_TOP = PlaceRoom(takes=_MOVED, has=_SLOTS | _DEVICES, at_most=1, is_divided=True)
+_CHAMBER = PlaceRoom(takes=_MOVED, has=_SLOTS | _DEVICES, is_divided=True)
+_TRAYS = PlaceRoom(takes=_MOVED, has=_SLOTS | _DEVICES | {"carrier"}, is_divided=True)
 _LID = frozenset({"lid"})
 
-PLACES: Mapping[str, Room] = {
+PLACES: Mapping[str, PlaceRoom] = {
     **dict.fromkeys((name for name, kind in KINDS.items() if not kind.is_place), _NOTHING),
-    "lab": Room(takes=_ANYTHING),
-    "site": Room(takes=_ANYTHING - {"site"}),
-    "room": Room(takes=_ANYTHING - {"site", "room"}),
-    "bench": Room(takes=_ANYTHING - {"site", "room"}),
-    "workstation": Room(takes=_ANYTHING - {"site", "room"}),
-    "archive": Room(takes=frozenset(KINDS) - {"lab"}),
-    "foreign": Room(takes=_ANYTHING | _BUILT_IN),
-    "deck": Room(takes=_DEVICES | {"carrier", "waste", "foreign"}, has=_SLOTS | {"deck"}),
-    "slot": Room(takes=_MOVED | _DEVICES, at_most=1),
-    "carrier": Room(takes=_MOVED, has=_SLOTS, alone=_LABWARE | {"carrier"}, is_divided=True),
-    "storage": Room(takes=_MOVED, has=_SLOTS, is_divided=True),
-    "plate": Room(takes=_LID, has=frozenset({"well"}), at_most=1),
-    "tip_rack": Room(takes=_LID, has=frozenset({"tip_spot"}), at_most=1),
-    "tip_spot": Room(takes=frozenset({"tip"}), at_most=1),
-    "tube_rack": Room(
+    "lab": PlaceRoom(takes=_ANYTHING),
+    "site": PlaceRoom(takes=_ANYTHING - {"site"}),
+    "room": PlaceRoom(takes=_ANYTHING - {"site", "room"}),
+    "bench": PlaceRoom(takes=_ANYTHING - {"site", "room"}),
+    "workstation": PlaceRoom(takes=_ANYTHING - {"site", "room"}),
+    "archive": PlaceRoom(takes=frozenset(KINDS) - {"lab"}),
+    "foreign": PlaceRoom(takes=_ANYTHING | _BUILT_IN),
+    "deck": PlaceRoom(takes=_DEVICES | {"carrier", "waste", "foreign"}, has=_SLOTS | {"deck"}),
+    "slot": PlaceRoom(takes=_MOVED | _DEVICES, at_most=1),
+    "carrier": PlaceRoom(takes=_MOVED, has=_SLOTS, alone=_LABWARE | {"carrier"}, is_divided=True),
+    "storage": PlaceRoom(takes=_MOVED, has=_SLOTS, is_divided=True),
+    "plate": PlaceRoom(takes=_LID, has=frozenset({"well"}), at_most=1),
+    "tip_rack": PlaceRoom(takes=_LID, has=frozenset({"tip_spot"}), at_most=1),
+    "tip_spot": PlaceRoom(takes=frozenset({"tip"}), at_most=1),
+    "tube_rack": PlaceRoom(
         takes=_VESSELS - {"trough", "reactor", "separator", "filter", "waste"} | {"foreign"}
     ),
-    "reservoir": Room(takes=_LID, has=frozenset({"trough"}), at_most=1),
-    "pipette_channel": Room(takes=frozenset({"tip"}), at_most=1),
+    "reservoir": PlaceRoom(takes=_LID, has=frozenset({"trough"}), at_most=1),
+    "pipette_channel": PlaceRoom(takes=frozenset({"tip"}), at_most=1),
     **dict.fromkeys(("heater_stirrer", "heater", "stirrer", "thermostat"), _ONE_ON_TOP),
     **dict.fromkeys(("shaker", "plate_reader", "spectrometer"), _ONE_ON_TOP),
     **dict.fromkeys(("gripper", "arm", "gantry"), _ONE_ON_TOP),
     **dict.fromkeys(("furnace", "battery_tester"), _CHAMBER),
     **dict.fromkeys(("chromatography", "analyser"), _TRAYS),
-    "balance": Room(takes=_MOVED | _DEVICES, at_most=1),
-    "phase_separator": Room(takes=_VESSELS | {"foreign"}, has=_SLOTS | _DEVICES, at_most=1),
-    "rotary_evaporator": Room(takes=_VESSELS | {"foreign"}, has=_DEVICES, at_most=2),
-    "injection_valve": Room(takes=frozenset({"sample_loop"}), at_most=2),
-    "liquid_handler": Room(takes=_DEVICES | {"carrier", "waste", "foreign"}, has=_SLOTS | {"deck"}),
-    "powder_dispenser": Room(takes=_MOVED, has=_SLOTS | _DEVICES, at_most=2, is_divided=True),
-    "agv": Room(takes=_MOVED, has=_SLOTS | _DEVICES | {"deck", "storage"}, is_divided=True),
+    "balance": PlaceRoom(takes=_MOVED | _DEVICES, at_most=1),
+    "phase_separator": PlaceRoom(takes=_VESSELS | {"foreign"}, has=_SLOTS | _DEVICES, at_most=1),
+    "rotary_evaporator": PlaceRoom(takes=_VESSELS | {"foreign"}, has=_DEVICES, at_most=2),
+    "injection_valve": PlaceRoom(takes=frozenset({"sample_loop"}), at_most=2),
+    "liquid_handler": PlaceRoom(
+        takes=_DEVICES | {"carrier", "waste", "foreign"}, has=_SLOTS | {"deck"}
+    ),
+    "powder_dispenser": PlaceRoom(takes=_MOVED, has=_SLOTS | _DEVICES, at_most=2, is_divided=True),
+    "agv": PlaceRoom(takes=_MOVED, has=_SLOTS | _DEVICES | {"deck", "storage"}, is_divided=True),
 }
 """What each kind of place takes. A kind that is no place takes nothing."""
 
@@ -131,7 +133,10 @@ def sites_of(config: Mapping[str, object]) -> int | None:
 
 
 def check_standing(
-    thing: Standing, place: Standing, there: Collection[Standing], sites: int | None = None
+    thing: StandingThing,
+    place: StandingThing,
+    there: Collection[StandingThing],
+    sites: int | None = None,
 ) -> list[Finding]:
     """List all that speaks against a thing's standing in a place; an empty list means it may.
 
@@ -160,7 +165,7 @@ def check_standing(
 
 
 def _in_the_way(
-    thing: Standing, room: Room, loose: Sequence[Standing], sites: int | None
+    thing: StandingThing, room: PlaceRoom, loose: Sequence[StandingThing], sites: int | None
 ) -> str | None:
     """Say what the place takes at most, where that is reached; None: there is room."""
     if room.at_most is not None and len(loose) >= room.at_most:
@@ -177,7 +182,7 @@ def _count(number: int) -> str:
 
 
 def _occupied(
-    thing: Standing, place: Standing, loose: Sequence[Standing], in_the_way: str
+    thing: StandingThing, place: StandingThing, loose: Sequence[StandingThing], in_the_way: str
 ) -> Finding:
     names = ", ".join(one.name for one in loose[:3])
     more = f" and {len(loose) - 3} more" if len(loose) > 3 else ""
@@ -191,7 +196,7 @@ def _occupied(
     return Finding("place.occupied", text, place.name, context)
 
 
-def _wrong_kind(thing: Standing, place: Standing, room: Room) -> Finding:
+def _wrong_kind(thing: StandingThing, place: StandingThing, room: PlaceRoom) -> Finding:
     what, where = _label(thing.kind), _label(place.kind)
     if thing.kind in _BUILT_IN:
         text = (
@@ -229,7 +234,7 @@ def check_places(tree: Tree) -> Iterator[Finding]:
         room = PLACES.get(place.kind, _NOTHING)
         parts = [one for one in children if one.kind in room.has]
         slots = [one for one in parts if one.kind in _DIVIDING][:1]
-        there: list[Standing] = [*slots]
+        there: list[StandingThing] = [*slots]
         bounded = is_bounded(place.kind)
         for child in children:
             for finding in check_standing(child, place, there, sites_of(place.config)):
@@ -243,13 +248,13 @@ def check_places(tree: Tree) -> Iterator[Finding]:
 class Place:
     """A place with all that stands in it, where that has a say."""
 
-    thing: Thing
-    there: tuple[Thing, ...] = ()
+    thing: PlacedThing
+    there: tuple[PlacedThing, ...] = ()
     sites_count: int | None = None
 
 
 def check_arriving(
-    arriving: Iterable[tuple[Thing, UUID]], places: Iterable[Place]
+    arriving: Iterable[tuple[PlacedThing, UUID]], places: Iterable[Place]
 ) -> list[Finding]:
     """List all that speaks against things that come together, such as a device's parts.
 

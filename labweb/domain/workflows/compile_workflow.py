@@ -23,16 +23,16 @@ from labweb.domain.workflows.passes.devices.carry import plan_carry
 from labweb.domain.workflows.passes.devices.device_by_role import check_whole, plan_role_action
 from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import PLANNERS
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.liquids.empty_syringe import plan_empty_syringe
 from labweb.domain.workflows.passes.liquids.gas_push import plan_push_gas
 from labweb.domain.workflows.passes.liquids.strokes import syringe_tolerance_ul
 from labweb.domain.workflows.passes.liquids.transfer import plan_transfer
 from labweb.domain.workflows.passes.people.person_jobs import plan_add_solid, plan_confirm
-from labweb.domain.workflows.passes.plan_checks.ledger_run_through import Ledger
+from labweb.domain.workflows.passes.plan_checks.ledger_run_through import ForecastLedger
 from labweb.domain.workflows.passes.plan_checks.order_of_sharing_steps import check_order
 from labweb.domain.workflows.passes.plan_checks.references import check_references
-from labweb.domain.workflows.plan import Choice, Plan, PlannedJob, PlannedStep
+from labweb.domain.workflows.plan import CapableDevice, Plan, PlannedJob, PlannedStep
 from labweb.domain.workflows.unit_operations.step_palette import sentence_text
 from labweb.domain.workflows.workflow_edges import find_earlier, sort_steps
 from labweb.domain.workflows.workflow_file import Step, Workflow, bind_materials
@@ -56,13 +56,13 @@ _PLANNERS = {
     **PLANNERS,
 }
 
-__all__ = ["LabView", "check_plan", "compile_workflow"]
+__all__ = ["PlannerView", "check_plan", "compile_workflow"]
 
 INITIALIZE_S = 15.0
 """Estimate for finding a plunger's zero."""
 
 
-def compile_workflow(workflow: Workflow, lab: LabView) -> Plan:
+def compile_workflow(workflow: Workflow, lab: PlannerView) -> Plan:
     """Plan a workflow on one state of one lab.
 
     Every liquid job is followed through the record, so that a plan that is returned can be
@@ -93,18 +93,18 @@ def compile_workflow(workflow: Workflow, lab: LabView) -> Plan:
     return _render(workflow, lab, drafts, prepare)
 
 
-def check_plan(workflow: Workflow, lab: LabView) -> list[Finding]:
+def check_plan(workflow: Workflow, lab: PlannerView) -> list[Finding]:
     """List everything that keeps a workflow from being planned; empty means it can be."""
     return _draft(workflow, lab)[2]
 
 
 def _draft(
-    workflow: Workflow, lab: LabView
+    workflow: Workflow, lab: PlannerView
 ) -> tuple[list[DraftStep], list[DraftJob], list[Finding]]:
     bound = bind_materials(workflow)
     ids = [step.id for step in bound.steps]
     order = sort_steps(ids, bound.edges)
-    record = Ledger(lab)
+    record = ForecastLedger(lab)
     earlier = find_earlier(ids, bound.edges)
     drafting = Drafting(view=lab, earlier=earlier, contents=record.holds, masses=record.weighs)
     if not order:
@@ -117,7 +117,7 @@ def _draft(
         record.run_step(drafts[-1])
     findings = drafting.findings + check_order(drafts, drafting.earlier, lab, ids)
     findings += check_whole(drafts, workflow.execution)
-    ledger = Ledger(lab)
+    ledger = ForecastLedger(lab)
     prepare = _initialize(drafts, drafting, ledger)
     drafts = [ledger.run_step(draft) for draft in drafts]
     rank = {step_id: place for place, step_id in enumerate(order)}
@@ -135,7 +135,9 @@ def _draft_step(step: Step, drafting: Drafting) -> DraftStep:
     return _PLANNERS[step.kind](step, drafting)
 
 
-def _initialize(drafts: Sequence[DraftStep], drafting: Drafting, ledger: Ledger) -> list[DraftJob]:
+def _initialize(
+    drafts: Sequence[DraftStep], drafting: Drafting, ledger: ForecastLedger
+) -> list[DraftJob]:
     """Plan the zero of each pump that has none, once, before everything else."""
     jobs: list[DraftJob] = []
     seen: set[UUID] = set()
@@ -174,7 +176,7 @@ def _initialize(drafts: Sequence[DraftStep], drafting: Drafting, ledger: Ledger)
 
 
 def _render(
-    workflow: Workflow, lab: LabView, drafts: Sequence[DraftStep], prepare: Sequence[DraftJob]
+    workflow: Workflow, lab: PlannerView, drafts: Sequence[DraftStep], prepare: Sequence[DraftJob]
 ) -> Plan:
     jobs = [_planned(job, index, ()) for index, job in enumerate(prepare)]
     zeroed = {job.device.id: index for index, job in enumerate(prepare)}
@@ -227,8 +229,8 @@ def _planned(
     )
 
 
-def _choice(job: DraftJob) -> Choice:
-    return Choice(
+def _choice(job: DraftJob) -> CapableDevice:
+    return CapableDevice(
         device_id=job.device.id,
         host_id=job.device.host_id,
         args=dict(job.args),
@@ -241,7 +243,7 @@ def _choice(job: DraftJob) -> Choice:
     )
 
 
-def _planned_step(draft: DraftStep, lab: LabView, jobs: Sequence[PlannedJob]) -> PlannedStep:
+def _planned_step(draft: DraftStep, lab: PlannerView, jobs: Sequence[PlannedJob]) -> PlannedStep:
     own = (job.estimate_s for job in jobs if job.step_id == draft.step.id and not job.receives)
     return PlannedStep(
         step_id=draft.step.id,

@@ -10,15 +10,15 @@ from collections.abc import Mapping
 from datetime import date
 
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.resource import Resource
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 
 
-def view_of_file(lab: LabFile, specs: Mapping[str, DriverSpec], *, on: date) -> LabView:
+def view_of_file(lab: LabFile, specs: Mapping[str, DriverSpec], *, on: date) -> PlannerView:
     """Return a lab as its file has it.
 
     Args:
@@ -52,11 +52,11 @@ def view_of_file(lab: LabFile, specs: Mapping[str, DriverSpec], *, on: date) -> 
         )
         for one in lab.lots
     }
-    return LabView(
+    return PlannerView(
         tree=lab.tree,
         graph=lab.graph,
         devices=tuple(
-            Device(
+            AdmittedDevice(
                 id=entry.id,
                 key=entry.key,
                 name=entry.name,

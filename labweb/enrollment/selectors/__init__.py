@@ -13,7 +13,7 @@ from django.db.models import Q, QuerySet, UUIDField
 from labweb.common import authority
 from labweb.common.clock import now
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.enrollment.admitted_device import Device as DeviceData
+from labweb.domain.enrollment.admitted_device import AdmittedDevice as DeviceData
 from labweb.domain.enrollment.admitted_interface import admitted_spec
 from labweb.domain.enrollment.announcement_trust import is_same_everywhere
 from labweb.domain.enrollment.device_announcements import FORGOTTEN_AFTER_S
@@ -21,7 +21,7 @@ from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.enrollment.host_join import code_of
 from labweb.domain.errors import NotFoundError
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device
@@ -85,14 +85,14 @@ def find_host(host_id: UUID) -> EdgeHost | None:
     return EdgeHost.objects.filter(pk=host_id).select_related("lab").first()
 
 
-def open_stop(host_id: UUID) -> StopLab | None:
+def open_stop(host_id: UUID) -> StopLabFrame | None:
     """Return the stop of its lab that a host has not acknowledged, or None."""
     host = find_host(host_id)
     if host is None or not host.lab.is_stopped or host.lab.stop_id is None:
         return None
     if host.stop_acknowledged == host.lab.stop_id:
         return None
-    return StopLab(stop_id=host.lab.stop_id, issued_by=str(host.lab.stopped_by_id))
+    return StopLabFrame(stop_id=host.lab.stop_id, issued_by=str(host.lab.stopped_by_id))
 
 
 def host_for_update(host_id: UUID) -> EdgeHost:

@@ -12,7 +12,7 @@ from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, KeyedRef
 from labweb.domain.calibration.correction import Correction
-from labweb.domain.runs.after_failure.recovery_choices import Choice
+from labweb.domain.runs.after_failure.recovery_choices import PersonChoice
 from labweb.domain.runs.states.job_states import JobState
 from labweb.runs.answers.rows import RecoveryName
 
@@ -40,7 +40,7 @@ class RecoveryChoice(ApiAnswer):
     consequence: str
 
 
-def recovery_choices(choices: Iterable[Choice]) -> list[RecoveryChoice]:
+def recovery_choices(choices: Iterable[PersonChoice]) -> list[RecoveryChoice]:
     """Say what a person may do, each with its consequence or why it is not offered."""
     return [
         RecoveryChoice(

@@ -24,7 +24,7 @@ from labweb.crutd.selectors.resolving import resolved_of
 from labweb.domain.approvals.access_tokens import AccessScope
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
-from labweb.domain.graph.lab_file.lab_model import Mode
+from labweb.domain.graph.lab_file.lab_model import LabMode
 from labweb.domain.runs.after_failure.plan_departures import Departure
 from labweb.domain.runs.host_journal.surroundings import without_surroundings
 from labweb.domain.runs.states.job_states import RunState
@@ -137,7 +137,7 @@ def check_own(request: Request, run: Run) -> None:
 
 def scope_on(lab: Lab) -> AccessScope:
     """Return the scope that a token needs to act on the runs of a lab."""
-    return AccessScope.SIMULATE if lab.mode == Mode.SIM else AccessScope.SUBMIT
+    return AccessScope.SIMULATE if lab.mode == LabMode.SIM else AccessScope.SUBMIT
 
 
 class Runs(Endpoint):

@@ -10,12 +10,12 @@ from django.db.models import F
 
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors import Ticket
-from labweb.domain.calibration.correction import Correction, Quantity
+from labweb.domain.calibration.correction import CalibrationQuantity, Correction
 from labweb.domain.runs.after_failure.doubt_by_readings import (
     DIRECTIONS,
     PLUNGER,
-    Measured,
     Plunger,
+    PlungerMeasured,
     measure,
 )
 from labweb.domain.runs.halts.halted_setpoints import INTERRUPTED, MAY_MOVE
@@ -66,7 +66,7 @@ def contradicted(run: Run, jobs: Iterable[Job]) -> list[Ticket]:
     return list(crutd_selectors.open_tickets(run.lab).filter(pk__in=known))
 
 
-def measured_of(job: Job, attempt: Attempt) -> Measured | None:
+def measured_of(job: Job, attempt: Attempt) -> PlungerMeasured | None:
     """Return what the plunger says of a job that is or was in doubt; None: none moves with it.
 
     What it tells once its device has begun something else says nothing of this job.
@@ -84,7 +84,9 @@ def measured_of(job: Job, attempt: Attempt) -> Measured | None:
             after_ul=after_ul,
             why_no_after=why_not,
             tolerance_ul=tolerance_ul,
-            correction=next((c for c in corrections if c.quantity is Quantity.VOLUME), None),
+            correction=next(
+                (c for c in corrections if c.quantity is CalibrationQuantity.VOLUME), None
+            ),
         )
     )
 

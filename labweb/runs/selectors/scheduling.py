@@ -13,7 +13,7 @@ from django.db.models import DateTimeField, Q, QuerySet, UUIDField
 
 from labweb.common import disk
 from labweb.common.prepared import Given, Prepared, Question, together
-from labweb.domain.disk_space import Disk, Level
+from labweb.domain.disk_space import DiskRoomLevel, DiskSpace
 from labweb.domain.errors import LabError, NotFoundError
 from labweb.domain.runs.after_failure.recovery_choices import is_taken_away
 from labweb.domain.runs.dispatch import job_scheduler
@@ -187,8 +187,8 @@ def to_schedule() -> ToSchedule:
     return found
 
 
-def _is_full(one: Disk) -> bool:
-    return one.level(disk.floors()) is Level.FULL
+def _is_full(one: DiskSpace) -> bool:
+    return one.level(disk.floors()) is DiskRoomLevel.FULL
 
 
 _WITH_WORK = {

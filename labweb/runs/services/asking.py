@@ -14,7 +14,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, StateError
-from labweb.domain.messages.action_asks import MOST_ARGUMENTS_BYTES, Ask, AskTold
+from labweb.domain.messages.action_asks import MOST_ARGUMENTS_BYTES, ActionAsk, AskTold
 from labweb.domain.runs.states.job_states import FINAL, JobState, RunState
 from labweb.domain.workflows import workflow_file
 from labweb.enrollment import selectors as enrollment_selectors
@@ -57,7 +57,7 @@ def let_ask(host_id: UUID, *, name: User | None, actor: User) -> EdgeHost:
     return host
 
 
-def take_ask(host_id: UUID, ask: Ask) -> AskTold:
+def take_ask(host_id: UUID, ask: ActionAsk) -> AskTold:
     """Turn a wish into a run that waits for approval; the same one twice is one run.
 
     Effect:
@@ -72,7 +72,7 @@ def take_ask(host_id: UUID, ask: Ask) -> AskTold:
 
 
 @atomic
-def _start(host_id: UUID, ask: Ask) -> Run:
+def _start(host_id: UUID, ask: ActionAsk) -> Run:
     known = Run.objects.filter(ask_id=ask.ask_id).first()
     if known is not None:
         if not Run.objects.filter(pk=known.pk, ask_host_id=host_id).exists():

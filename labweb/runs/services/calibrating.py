@@ -25,8 +25,8 @@ from labweb.domain.calibration.calibration_order import (
     VolumeOrder,
     check_certificates,
 )
-from labweb.domain.calibration.calibration_result import Result
-from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.calibration_result import CalibrationOutcome
+from labweb.domain.calibration.correction import CalibrationQuantity
 from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import (
     DefinitionError,
@@ -48,10 +48,10 @@ LONGEST_TEXT = 2000
 
 RULE = "A calibration needs a second person"
 
-_JUDGES: dict[str, Callable[[Calibration], tuple[list[Finding], Result | None]]] = {
-    Quantity.VOLUME.value: weighing.judged,
-    Quantity.PH.value: buffering.judged,
-    Quantity.TEMPERATURE.value: thermometry.judged,
+_JUDGES: dict[str, Callable[[Calibration], tuple[list[Finding], CalibrationOutcome | None]]] = {
+    CalibrationQuantity.VOLUME.value: weighing.judged,
+    CalibrationQuantity.PH.value: buffering.judged,
+    CalibrationQuantity.TEMPERATURE.value: thermometry.judged,
 }
 
 
@@ -132,7 +132,7 @@ def _judge_one(calibration_id: UUID) -> None:
     on_commit(partial(_announce, row.device_id))
 
 
-def _judged(row: Calibration) -> tuple[list[Finding], Result | None]:
+def _judged(row: Calibration) -> tuple[list[Finding], CalibrationOutcome | None]:
     if row.run.state != RunState.COMPLETE.value:
         text = f"run {row.run.number} ended before all was measured"
         return [Finding("calibration.incomplete", text, str(row.run_id))], None

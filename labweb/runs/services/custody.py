@@ -253,8 +253,8 @@ def take_custody_event(host: EdgeHost, event: EdgeEvent) -> None:
     _tell(made)
 
 
-def _record(made: Custody) -> rules.Custody:
-    return rules.Custody(
+def _record(made: Custody) -> rules.ResourceCustody:
+    return rules.ResourceCustody(
         resource_id=made.resource_id,
         state=CustodyState(made.state),
         owner=made.owner_id,

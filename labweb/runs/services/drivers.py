@@ -13,7 +13,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
-from labweb.domain.enrollment.driver_replacement import Waiting
+from labweb.domain.enrollment.driver_replacement import PlannedJobAhead
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
@@ -202,12 +202,12 @@ _PASSING = frozenset({"crutd.held_elsewhere"})
 """What is over by itself: another operation uses the part this moment."""
 
 
-def waiting_at(device_id: UUID) -> list[Waiting]:
+def waiting_at(device_id: UUID) -> list[PlannedJobAhead]:
     """Return what runs that go on will still ask of a device."""
     rows = Job.objects.filter(device_id=device_id, run__ended_at__isnull=True)
     rows = rows.exclude(state__in=[state.value for state in FINAL])
     return [
-        Waiting(job=sentence, action=action, args=args)
+        PlannedJobAhead(job=sentence, action=action, args=args)
         for sentence, action, args in rows.values_list("sentence", "action", "args")
     ]
 

@@ -17,7 +17,7 @@ from labweb.domain.recipes.agreement.contents import check_contents
 from labweb.domain.recipes.agreement.keeping import departs
 from labweb.domain.runs.after_failure import plan_departures
 from labweb.domain.runs.after_failure.plan_departures import Departure
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.unit_operations.step_palette import called
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
@@ -26,7 +26,7 @@ from labweb.workflows.selectors import WorkflowVersion
 
 
 def check_proved(
-    version: WorkflowVersion, view: LabView, among: Container[UUID] | None = None
+    version: WorkflowVersion, view: PlannerView, among: Container[UUID] | None = None
 ) -> None:
     """Refuse a recipe whose vessels hold something else than when it was proved.
 

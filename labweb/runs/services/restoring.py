@@ -28,7 +28,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, ReconcileError, StateError
 from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.domain.runs.states import event_export_file
-from labweb.domain.runs.states.event_export_file import Line, bad_line
+from labweb.domain.runs.states.event_export_file import ExportLine, bad_line
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import HostEvent
@@ -145,7 +145,7 @@ class _Reader:
     sha256: str = ""
     lab_id: UUID | None = None
 
-    def thing(self, line: Line) -> _Thing:
+    def thing(self, line: ExportLine) -> _Thing:
         """Read one line.
 
         Raises:

@@ -34,7 +34,7 @@ from labweb.domain.errors import (
 )
 from labweb.domain.runs.states.job_states import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.compile_workflow import LabView
+from labweb.domain.workflows.compile_workflow import PlannerView
 from labweb.domain.workflows.plan import Plan
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
@@ -125,7 +125,7 @@ def start_run(
     return run
 
 
-def _claimed(plan: Plan, view: LabView) -> dict[str, Any]:
+def _claimed(plan: Plan, view: PlannerView) -> dict[str, Any]:
     """Return what any path of a plan may use, as it is stored."""
     kinds = {one.id: one.kind for one in view.tree.resources}
     claims: dict[str, Any] = msgspec.to_builtins(claims_of_plan(plan, kinds), str_keys=True)
@@ -143,7 +143,7 @@ class Scene:
     """By somebody else."""
 
     run_number: int
-    view: LabView
+    view: PlannerView
     hosts: dict[UUID, EdgeHost]
     """By each device that was admitted."""
 

@@ -19,7 +19,7 @@ import pytest
 from labweb.domain.crutd import pipette_tips
 from labweb.domain.crutd.operations import Operation
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.resources.labware.labware_resources import Identity, part_resources
+from labweb.domain.resources.labware.labware_resources import LabwareIdentity, part_resources
 from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
 from labweb.domain.resources.resource import Resource
 from tests.corpus import LABWARE, NO_LABWARE
@@ -56,7 +56,7 @@ DECK = uuid5(UUID(int=0), "deck")
 def rows_of(deck: str) -> tuple[Resource, ...]:
     part, notes = parse_pylabrobot(load(PYLABROBOT / f"plr_deck_{deck}.json"))
     assert notes == []
-    identity = Identity(id=DECK, key="deck", name="Deck", parent_id=None)
+    identity = LabwareIdentity(id=DECK, key="deck", name="Deck", parent_id=None)
     return part_resources(part, identity, partial(uuid5, DECK), full_racks={"tips"})
 
 

@@ -31,7 +31,7 @@ from labweb.domain.crutd.ledger import (
     vessels_of,
 )
 from labweb.domain.errors import ReconcileError
-from labweb.domain.graph.lab_file.lab_model import LabFile, Mode
+from labweb.domain.graph.lab_file.lab_model import LabFile, LabMode
 from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import Nature
@@ -51,7 +51,7 @@ def lab() -> LabFile:
         )
         for node in PARENTS
     )  # fmt: skip
-    return LabFile(id=LAB, name="Lab", time_zone="UTC", mode=Mode.SIM, resources=nodes)
+    return LabFile(id=LAB, name="Lab", time_zone="UTC", mode=LabMode.SIM, resources=nodes)
 
 
 def event(seq: int, transaction: str = "t", **change: Any) -> Happening:  # noqa: ANN401

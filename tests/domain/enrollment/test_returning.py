@@ -6,12 +6,12 @@ import msgspec
 
 from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
 from labweb.domain.enrollment.returning_device import (
-    Admitted,
+    KnownDevice,
     compare_capabilities,
     compare_identity,
 )
 
-WAS = Admitted(
+WAS = KnownDevice(
     driver_digest="a" * 64,
     transport="tcp://192.0.2.9:5000",
     host="bench_1",
@@ -40,7 +40,7 @@ def test_what_is_as_it_was_is_no_difference() -> None:
 
 
 def test_each_thing_that_is_another_one_is_named() -> None:
-    now = Admitted(
+    now = KnownDevice(
         driver_digest="b" * 64,
         transport="tcp://192.0.2.10:5000",
         host="bench_2",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.xdl.expansion.basic_operations import Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind
 from labweb.domain.recipes.xdl.expansion.expand import all_operations, expand
 from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
 from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
@@ -91,7 +91,7 @@ def test_what_is_eluted_is_eluted_as_often_as_it_says(times: int) -> None:
     )
     read, findings = check_document(parse_markup(recipe(step).encode()))
     assert not findings
-    eluted = [o for o in all_operations(expand(unfold(read))) if o.kind is Kind.ADD_LIQUID]
+    eluted = [o for o in all_operations(expand(unfold(read))) if o.kind is BasicKind.ADD_LIQUID]
     assert len(eluted) == times
 
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError, UnitError
-from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity, read_value
+from labweb.domain.recipes.xdl.file_format.attribute_values import XdlQuantity, read_value
 from labweb.domain.recipes.xdl.file_format.read_xdl import check_available, check_document, read_xdl
 from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from labweb.domain.recipes.xdl.tables import step_table as table
@@ -26,7 +26,7 @@ def test_a_step_is_read_with_its_values() -> None:
     assert step.name == "Add"
     assert step.values["vessel"] == "reactor"
     assert step.values["stir"] is True
-    assert isinstance(step.values["volume"], Quantity)
+    assert isinstance(step.values["volume"], XdlQuantity)
     assert step.values["volume"].exact == 5
 
 

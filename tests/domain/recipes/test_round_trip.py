@@ -17,8 +17,8 @@ from labweb.domain.recipes.xdl.file_format.xdl_json import parse_json, render_js
 from labweb.domain.recipes.xdl.file_format.xml_tree import (
     Attribute,
     Comment,
-    Document,
-    Element,
+    XmlDocument,
+    XmlElement,
     render_markup,
 )
 from labweb.domain.recipes.xdl.tables.notation_table import AMOUNTS, NOTATIONS
@@ -74,7 +74,7 @@ NAMES = [name for name, spec in STEPS.steps.items() if not spec.has_children and
 
 
 @st.composite
-def steps(draw: st.DrawFn) -> Element:
+def steps(draw: st.DrawFn) -> XmlElement:
     spec = STEPS.steps[draw(st.sampled_from(NAMES))]
     names = {p.name for p in spec.properties.values() if p.is_required}
     names |= {draw(st.sampled_from(group)) for group in spec.one_of}
@@ -82,7 +82,7 @@ def steps(draw: st.DrawFn) -> Element:
     names |= set(draw(st.lists(st.sampled_from(others), max_size=4)) if others else ())
     for group in spec.at_most_one:
         names -= set([name for name in group if name in names][1:])
-    return Element(
+    return XmlElement(
         spec.name,
         tuple(
             Attribute(name, draw(st.sampled_from(texts_of(spec.properties[name]))))
@@ -92,36 +92,36 @@ def steps(draw: st.DrawFn) -> Element:
 
 
 @st.composite
-def procedures(draw: st.DrawFn) -> list[Element | Comment]:
-    written: list[Element | Comment] = []
+def procedures(draw: st.DrawFn) -> list[XmlElement | Comment]:
+    written: list[XmlElement | Comment] = []
     for step in draw(st.lists(steps(), max_size=6)):
         written.append(step)
         match draw(st.integers(0, 5)):
             case 0:
                 written.append(Comment(f" {draw(st.sampled_from(WORDS)).replace('-', ' ')} "))
             case 1 if step.tag != "Monitor":
-                loop = Element("Repeat", (Attribute("repeats", "2"),), (Comment("in"), step))
+                loop = XmlElement("Repeat", (Attribute("repeats", "2"),), (Comment("in"), step))
                 written.append(loop)
     return written
 
 
-def _document(written: list[Element | Comment]) -> Document:
+def _document(written: list[XmlElement | Comment]) -> XmlDocument:
     hardware = tuple(
-        Element("Component", (Attribute("id", name), Attribute("type", "reactor")))
+        XmlElement("Component", (Attribute("id", name), Attribute("type", "reactor")))
         for name in VESSELS
     )
-    reagents = tuple(Element("Reagent", (Attribute("name", name),)) for name in REAGENTS)
+    reagents = tuple(XmlElement("Reagent", (Attribute("name", name),)) for name in REAGENTS)
     sections = (
-        Element("Hardware", (), hardware),
-        Element("Reagents", (), reagents),
-        Element("Procedure", (), tuple(written)),
+        XmlElement("Hardware", (), hardware),
+        XmlElement("Reagents", (), reagents),
+        XmlElement("Procedure", (), tuple(written)),
     )
-    return Document(Element("XDL", (), (Element("Synthesis", (), sections),)))
+    return XmlDocument(XmlElement("XDL", (), (XmlElement("Synthesis", (), sections),)))
 
 
 @settings(max_examples=60, deadline=None)
 @given(procedures())
-def test_a_recipe_of_any_steps_survives_every_form(written: list[Element | Comment]) -> None:
+def test_a_recipe_of_any_steps_survives_every_form(written: list[XmlElement | Comment]) -> None:
     document = _document(written)
     recipe = read_xdl(render_markup(document).encode())
     assert recipe.document == document

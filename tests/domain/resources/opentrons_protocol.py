@@ -8,7 +8,12 @@ from functools import cached_property
 from typing import Any
 
 from labweb.domain.resources.labware.labware_definition import LabwareDefinition, Vector
-from labweb.domain.resources.labware.labware_pose import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.labware_pose import (
+    Module,
+    WellAnchor,
+    find_corner,
+    well_position,
+)
 from labweb.domain.resources.labware.opentrons_deck import (
     DeckDefinition,
     Slot,
@@ -92,7 +97,7 @@ class Bench:
         where = told.get("wellLocation") or {}
         offset = Vector(*(float(where.get("offset", {}).get(axis, 0)) for axis in "xyz"))
         origin = where.get("origin", "top")
-        anchor = Anchor.TOP if origin == "default" else Anchor(origin)
+        anchor = WellAnchor.TOP if origin == "default" else WellAnchor(origin)
         well = labware.find_well(told["wellName"])
         return well_position(Pose(*self.corner(told["labwareId"])), well, anchor, offset)
 

@@ -8,7 +8,12 @@ import pytest
 
 from labweb.domain.errors import DefinitionError, InfeasibleError, NotFoundError
 from labweb.domain.resources.labware.labware_definition import Footprint, LabwareDefinition, Vector
-from labweb.domain.resources.labware.labware_pose import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.labware_pose import (
+    Module,
+    WellAnchor,
+    find_corner,
+    well_position,
+)
 from labweb.domain.resources.labware.opentrons_deck import Slot, parse_opentrons_deck
 from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
 from labweb.domain.resources.pose import Pose, compose
@@ -43,8 +48,8 @@ def test_labware_of_schema_2_stands_at_the_corner_of_the_slot() -> None:
     where = Pose(*corner)
     well = a_plate().find_well("A1")
     assert well_position(where, well) == (175, 129, 5.5)
-    assert well_position(where, well, Anchor.TOP, Vector(0, 0, -1)) == (175, 129, 14.5)
-    assert well_position(where, well, Anchor.CENTER) == (175, 129, 10.5)
+    assert well_position(where, well, WellAnchor.TOP, Vector(0, 0, -1)) == (175, 129, 14.5)
+    assert well_position(where, well, WellAnchor.CENTER) == (175, 129, 10.5)
 
 
 def test_labware_of_schema_3_is_pushed_to_the_back_left_of_its_slot() -> None:

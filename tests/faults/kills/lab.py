@@ -26,7 +26,7 @@ from celery import Celery
 from drivers.transports.urls import line_key
 from labweb.domain.messages.commands import Command
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
-from labweb.domain.messages.events import EdgeEvent, Events
+from labweb.domain.messages.events import EdgeEvent, EventsFrame
 from labweb.domain.messages.frames import EdgeFrame
 from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, HOST_ID, SPACE, Server, a_device, until
@@ -81,7 +81,7 @@ class Ledger(Hub):
         return self.head
 
     def _take(self, socket: Any, frame: EdgeFrame) -> None:  # noqa: ANN401 - a connection
-        if isinstance(frame, Events):
+        if isinstance(frame, EventsFrame):
             self._keep(frame.events)
             super()._take(socket, msgspec.structs.replace(frame, events=[]))
             self.frames.clear()

@@ -11,18 +11,23 @@ import msgspec
 from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
-from labweb.domain.crutd.pre_and_postconditions import Condition, Readings, Result, evaluate
+from labweb.domain.crutd.pre_and_postconditions import (
+    Condition,
+    ConditionResult,
+    Readings,
+    evaluate,
+)
 from labweb.domain.messages.commands import Command, Tick
 from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.messages.session import Welcome
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.dispatch import command_outbox
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
-from labweb.domain.runs.host_actions.action_execution import Scene, Started
+from labweb.domain.runs.host_actions.action_execution import HostScene, Started
 from labweb.domain.runs.host_journal import action_states as edge
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.domain.runs.host_journal.paired_actions import partner_of
 from labweb.enrollment import services as enrollment_services
@@ -77,8 +82,8 @@ class Host:
         """Return the moment by the server's clock, which is far from the host's own."""
         return Tick(clock=self.server_clock, at_s=self.mono_s + 5_000_000.0)
 
-    def now(self) -> Moment:
-        return Moment(boot_id="boot", mono_s=self.mono_s, wall_s=self.wall_s)
+    def now(self) -> HostMoment:
+        return HostMoment(boot_id="boot", mono_s=self.mono_s, wall_s=self.wall_s)
 
     def take(self) -> None:
         """Take every command for this host that waits in the outbox."""
@@ -107,7 +112,7 @@ class Host:
         # Of two that meet, the second has to be ready before the first may start both.
         for row in (*rows, *(one for one in rows if partner_of(one.do))):
             with self.write() as tx:
-                scene = Scene(pid=1, driver_digest="d", judged=judged(row.do.pre, before))
+                scene = HostScene(pid=1, driver_digest="d", judged=judged(row.do.pre, before))
                 start = (
                     action_execution.start
                     if partner_of(row.do) is None
@@ -138,7 +143,7 @@ class Host:
     def begin(self) -> ActionRow:
         """Start the next action that may, and leave it under way."""
         row = self.disk.rows(ActionState.ACCEPTED)[0]
-        scene = Scene(pid=1, driver_digest="d")
+        scene = HostScene(pid=1, driver_digest="d")
         with self.write() as tx:
             assert isinstance(
                 action_execution.start(tx, row, row.do, at=self.now(), scene=scene), Started
@@ -156,7 +161,7 @@ class Host:
     def stop(self, stop_id: UUID) -> None:
         """Take the word that the lab is stopped."""
         with self.write() as tx:
-            host_state.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
+            host_state.write_stop(tx, StopLabFrame(stop_id=stop_id, issued_by="ada"))
 
     def halt_owed(self) -> None:
         """Halt what is owed a halt, as the processes of the lines do once a device answers."""
@@ -182,7 +187,7 @@ def hear_stop(bench: Bench, host: Host) -> None:
 
 def judged(
     conditions: list[dict[str, Any]], readings: Readings | None
-) -> list[tuple[Condition, Result]]:
+) -> list[tuple[Condition, ConditionResult]]:
     """Judge conditions as they came in a command; None: nobody judges them."""
     if readings is None:
         return []

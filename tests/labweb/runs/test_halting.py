@@ -318,7 +318,7 @@ def test_a_doubt_about_a_device_that_answers_again_says_how_it_was_found(
 ) -> None:
     holding(host, run)
     row = next(one for one in host.disk.rows(ActionState.STARTED))
-    found = action_execution.Found(
+    found = action_execution.FoundDevice(
         is_halted=False, is_owed=True, text="its device may still move: silent"
     )
     with host.write() as tx:

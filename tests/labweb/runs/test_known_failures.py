@@ -10,9 +10,9 @@ from labweb.common import clock
 from labweb.domain.errors import Effect
 from labweb.domain.messages.commands import Cancel
 from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
-from labweb.domain.runs.host_actions.action_execution import Scene, Started
+from labweb.domain.runs.host_actions.action_execution import HostScene, Started
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
@@ -67,7 +67,7 @@ def test_cancel_of_a_running_job_does_not_harm_the_next(bench: Bench, host: Host
     row = host.disk.rows(ActionState.ACCEPTED)[0]
     with host.write() as tx:
         found = action_execution.start(
-            tx, row, row.do, at=host.now(), scene=Scene(pid=1, driver_digest="d")
+            tx, row, row.do, at=host.now(), scene=HostScene(pid=1, driver_digest="d")
         )
     assert isinstance(found, Started)
     host.tell()
@@ -138,11 +138,11 @@ def test_after_a_restart_an_action_is_given_back_whatever_the_wall_clock_says(
     services.dispatch_ready()
     host.take()
     row = host.disk.rows(ActionState.ACCEPTED)[0]
-    at = Moment(boot_id="another boot", mono_s=1.0, wall_s=host.wall_s + jump_s)
+    at = HostMoment(boot_id="another boot", mono_s=1.0, wall_s=host.wall_s + jump_s)
     with host.write() as tx:
         host_state.write_armed(tx, at.boot_id, None)
     with host.write() as tx:
-        action_execution.start(tx, row, row.do, at=at, scene=Scene(pid=1, driver_digest="d"))
+        action_execution.start(tx, row, row.do, at=at, scene=HostScene(pid=1, driver_digest="d"))
     host.tell()
     job = Job.objects.get(run=run, index=0)
     assert (job.state, job.code) == ("held", "edge.rebooted")

@@ -12,7 +12,7 @@ from labweb.domain.enrollment.setpoint_readback import kept_by
 from labweb.domain.errors import StateError
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
-from labweb.domain.runs.halts.standing_setpoints import Stands, read_stands
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint, read_stands
 from labweb.domain.runs.host_journal.action_states import Report
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
@@ -143,7 +143,7 @@ def test_another_actions_word_changes_nothing_but_what_it_names(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until_the_hold(host)
-    stale = Stands(action_id=run.id, action="stir", args={"speed_rpm": 1.0})
+    stale = StandingSetpoint(action_id=run.id, action="stir", args={"speed_rpm": 1.0})
     kept = kept_by("stir", stale.args, ["speed_rpm"])[0]
     with host.write() as tx:
         assert not vanished_setpoints.write_vanished(tx, served(host, bench), stale, kept, 0.0)

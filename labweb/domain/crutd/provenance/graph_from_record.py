@@ -20,21 +20,21 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from labweb.domain.crutd.provenance.ledger_flows import Flow, is_nominal, is_reaction
+from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow, is_nominal, is_reaction
 from labweb.domain.crutd.provenance.measurement_files import measurement
 from labweb.domain.crutd.provenance.provenance_graph import (
     Bond,
     Fact,
-    Graph,
-    Kind,
-    Node,
+    ProvGraph,
+    ProvKind,
+    ProvNode,
     Relation,
     make_graph,
 )
 from labweb.domain.crutd.provenance.recorded_facts import (
     JobFact,
     MeasurementFact,
-    Record,
+    RecordedFacts,
     ResourceFact,
     TransactionFact,
 )
@@ -44,7 +44,7 @@ from labweb.domain.crutd.transaction_states import TransactionState
 _LONGEST_FACT = 500
 
 
-def build_graph(record: Record) -> Graph:
+def build_graph(record: RecordedFacts) -> ProvGraph:
     """Bring transactions, jobs, runs, decisions, people and devices into one graph.
 
     Resources that the record names and does not describe are left out with what binds them.
@@ -65,14 +65,14 @@ def build_graph(record: Record) -> Graph:
 class _Builder:
     """Carries the state that each resource is in, from one transaction to the next."""
 
-    def __init__(self, record: Record) -> None:
+    def __init__(self, record: RecordedFacts) -> None:
         self.record = record
-        self.nodes: dict[str, Node] = {}
+        self.nodes: dict[str, ProvNode] = {}
         self.relations: list[Relation] = []
         self._resources = {r.id: r for r in record.resources}
         self._jobs = {job.id: job for job in record.jobs}
         self._devices = {device.id: device for device in record.devices}
-        self._flows: dict[str, list[Flow]] = {}
+        self._flows: dict[str, list[LedgerFlow]] = {}
         for flow in record.flows:
             self._flows.setdefault(flow.activity, []).append(flow)
         self._now: dict[str, str] = {}
@@ -81,19 +81,30 @@ class _Builder:
         for lot in record.lots:
             facts = {"material": lot.material, "number": lot.number, "supplier": lot.supplier}
             self._add(
-                f"lot/{lot.id}", Kind.ENTITY, "lot", lot.name, {**facts, "expires": lot.expires_on}
+                f"lot/{lot.id}",
+                ProvKind.ENTITY,
+                "lot",
+                lot.name,
+                {**facts, "expires": lot.expires_on},
             )
 
     def _add_resource(self, fact: ResourceFact) -> None:
-        self._add(f"resource/{fact.id}", Kind.ENTITY, "resource", fact.name, {"kind": fact.kind})
+        self._add(
+            f"resource/{fact.id}", ProvKind.ENTITY, "resource", fact.name, {"kind": fact.kind}
+        )
         if fact.collection_id in self._resources:
             self._bind(Bond.MEMBER, f"resource/{fact.collection_id}", f"resource/{fact.id}")
 
     def _add(
-        self, name: str, kind: Kind, sort: str, label: str, facts: Mapping[str, Fact] | None = None
+        self,
+        name: str,
+        kind: ProvKind,
+        sort: str,
+        label: str,
+        facts: Mapping[str, Fact] | None = None,
     ) -> None:
         kept = {key: value for key, value in (facts or {}).items() if value != ""}
-        self.nodes[name] = Node(id=name, kind=kind, type=sort, name=label, facts=kept)
+        self.nodes[name] = ProvNode(id=name, kind=kind, type=sort, name=label, facts=kept)
 
     def _bind(self, bond: Bond, later: str, earlier: str, **more: Any) -> None:  # noqa: ANN401
         self.relations.append(Relation(bond=bond, later=later, earlier=earlier, **more))
@@ -117,9 +128,9 @@ class _Builder:
             "doubt_at": fact.doubt_at,
             "resolved": fact.resolved,
         }
-        self.nodes[name] = Node(
+        self.nodes[name] = ProvNode(
             id=name,
-            kind=Kind.ACTIVITY,
+            kind=ProvKind.ACTIVITY,
             type="transaction",
             name=fact.name,
             started_at=fact.started_at,
@@ -135,7 +146,7 @@ class _Builder:
             for resource in _named(fact.operation):
                 self._use(name, resource, "", fact.started_at)
 
-    def _matter(self, fact: TransactionFact, name: str, flows: Iterable[Flow]) -> None:
+    def _matter(self, fact: TransactionFact, name: str, flows: Iterable[LedgerFlow]) -> None:
         """Add what was poured: all sources as they were before, then all states after."""
         before = dict(self._now)
         after: dict[str, str] = {}
@@ -154,7 +165,7 @@ class _Builder:
     def _source(
         self,
         name: str,
-        flow: Flow,
+        flow: LedgerFlow,
         before: Mapping[str, str],
         after: dict[str, str],
         fact: TransactionFact,
@@ -191,7 +202,7 @@ class _Builder:
             return after[resource]
         label = f"{self._resources[resource].name} after #{fact.seq}"
         state = f"state/{resource}/{fact.seq}" if fact.seq else f"state/{resource}/{fact.id}"
-        self._add(state, Kind.ENTITY, "state", label)
+        self._add(state, ProvKind.ENTITY, "state", label)
         self._bind(Bond.SPECIAL_CASE, state, f"resource/{resource}")
         last = self._now.get(resource)
         if last is not None:
@@ -234,7 +245,7 @@ class _Builder:
         state = self._state(fact, resource, {})
         data = (fact.change.get("data") or {}).get(resource) or fact.operation.get("data") or {}
         label = self.nodes[state].name
-        self._add(state, Kind.ENTITY, "state", label, _facts(data))
+        self._add(state, ProvKind.ENTITY, "state", label, _facts(data))
         self._bind(Bond.GENERATED, state, name, at=fact.ended_at)
         self._now[resource] = state
 
@@ -281,11 +292,11 @@ class _Builder:
         if job is None:
             return
         reading = f"reading/{fact.id}"
-        self._add(reading, Kind.ENTITY, "reading", job.sentence, reported(job))
+        self._add(reading, ProvKind.ENTITY, "reading", job.sentence, reported(job))
         self._bind(Bond.GENERATED, reading, name, at=fact.ended_at)
 
 
-def _amounts(flow: Flow) -> dict[str, Fact]:
+def _amounts(flow: LedgerFlow) -> dict[str, Fact]:
     found = {"amount_nl": flow.amount_nl, "amount_ug": flow.amount_ug}
     return {unit: amount for unit, amount in found.items() if amount}
 

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.crutd.provenance.provenance_graph import Bond, Graph, Kind, Relation
+from labweb.domain.crutd.provenance.provenance_graph import Bond, ProvGraph, ProvKind, Relation
 
 HEADS = ("kind", "type", "name", "from", "to", "id")
 
-_FORMS = {Kind.ENTITY: "ellipse", Kind.ACTIVITY: "box", Kind.AGENT: "house"}
+_FORMS = {ProvKind.ENTITY: "ellipse", ProvKind.ACTIVITY: "box", ProvKind.AGENT: "house"}
 
 
-def to_rows(graph: Graph) -> list[tuple[str, ...]]:
+def to_rows(graph: ProvGraph) -> list[tuple[str, ...]]:
     """Return one row for each node, activities by time, then the others by sort and name."""
     nodes = sorted(
         graph.nodes.values(),
-        key=lambda n: (n.kind is not Kind.ACTIVITY, n.started_at, n.kind, n.type, n.name, n.id),
+        key=lambda n: (n.kind is not ProvKind.ACTIVITY, n.started_at, n.kind, n.type, n.name, n.id),
     )
     return [(n.kind.value, n.type, n.name, n.started_at, n.ended_at, n.id) for n in nodes]
 
 
-def to_json(graph: Graph) -> dict[str, Any]:
+def to_json(graph: ProvGraph) -> dict[str, Any]:
     """Return the graph as plain data."""
     return {
         "root": graph.root,
@@ -54,7 +54,7 @@ def _relation(relation: Relation) -> dict[str, Any]:
     }
 
 
-def to_dot(graph: Graph) -> str:
+def to_dot(graph: ProvGraph) -> str:
     """Return the graph in the language of Graphviz; matter flows from left to right."""
     lines = ["digraph provenance {", "  rankdir=RL;"]
     for node in graph.nodes.values():

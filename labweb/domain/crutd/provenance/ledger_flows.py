@@ -10,7 +10,7 @@ REACTION = "REACTION"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Flow:
+class LedgerFlow:
     """One transfer as the ledger has it: all lots of one transaction between two accounts."""
 
     order: int

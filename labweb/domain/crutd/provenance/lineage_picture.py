@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from labweb.domain.crutd.provenance.ledger_flows import Flow, is_nominal, is_reaction
+from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow, is_nominal, is_reaction
 
 
-def to_graph(start: str, flows: Sequence[Flow]) -> dict[str, Any]:
+def to_graph(start: str, flows: Sequence[LedgerFlow]) -> dict[str, Any]:
     """Arrange flows as alternating entities and activities.
 
     Accounts and activities carry their ids only; the caller puts names on them.
@@ -44,7 +44,7 @@ def to_graph(start: str, flows: Sequence[Flow]) -> dict[str, Any]:
     return {"root": start, "nodes": list(unique.values()), "edges": edges}
 
 
-def _edge(source: str, target: str, flow: Flow) -> dict[str, Any]:
+def _edge(source: str, target: str, flow: LedgerFlow) -> dict[str, Any]:
     return {
         "source": source,
         "target": target,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from labweb.domain.crutd.provenance.provenance_graph import Bond, Fact, Kind, Node, Relation
+from labweb.domain.crutd.provenance.provenance_graph import Bond, Fact, ProvKind, ProvNode, Relation
 from labweb.domain.crutd.provenance.recorded_facts import (
     Clue,
     FileFact,
@@ -18,7 +18,7 @@ from labweb.domain.crutd.provenance.recorded_facts import (
 )
 
 
-def measurement(fact: MeasurementFact) -> tuple[list[Node], list[Relation]]:
+def measurement(fact: MeasurementFact) -> tuple[list[ProvNode], list[Relation]]:
     """Return the measurement, its file, its readings and series, and what binds them.
 
     A measurement ends when its clue says. When nobody tells, it has no times at all, and the fact
@@ -30,15 +30,15 @@ def measurement(fact: MeasurementFact) -> tuple[list[Node], list[Relation]]:
     if not is_told:
         facts["counts_as_of"] = fact.at
     nodes = [
-        Node(
+        ProvNode(
             id=name,
-            kind=Kind.ACTIVITY,
+            kind=ProvKind.ACTIVITY,
             type="measurement",
             name=f"Measurement of {fact.name}",
             ended_at=fact.at if is_told else "",
             facts=facts,
         ),
-        Node(id=file, kind=Kind.ENTITY, type="file", name=fact.name, facts=_file(fact)),
+        ProvNode(id=file, kind=ProvKind.ENTITY, type="file", name=fact.name, facts=_file(fact)),
     ]
     relations = [
         Relation(bond=Bond.GENERATED, later=file, earlier=name, at=fact.at if is_told else "")
@@ -59,13 +59,15 @@ def _file(fact: MeasurementFact | FileFact) -> dict[str, Fact]:
     }
 
 
-def _made(fact: MeasurementFact) -> Iterator[Node]:
+def _made(fact: MeasurementFact) -> Iterator[ProvNode]:
     for made in fact.made:
         name = f"file/{made.id}"
-        yield Node(id=name, kind=Kind.ENTITY, type="series", name=made.name, facts=_file(made))
+        yield ProvNode(
+            id=name, kind=ProvKind.ENTITY, type="series", name=made.name, facts=_file(made)
+        )
 
 
-def _reading(fact: ReadingFact) -> Node:
+def _reading(fact: ReadingFact) -> ProvNode:
     told: dict[str, Fact] = {"quantity": fact.quantity, "unit": fact.unit}
     if fact.value is not None:
         told["value"] = fact.value
@@ -75,4 +77,4 @@ def _reading(fact: ReadingFact) -> Node:
         told["measured_at"] = fact.measured_at
     kept = {key: value for key, value in told.items() if value != ""}
     name = f"reading/{fact.id}"
-    return Node(id=name, kind=Kind.ENTITY, type="reading", name=fact.name, facts=kept)
+    return ProvNode(id=name, kind=ProvKind.ENTITY, type="reading", name=fact.name, facts=kept)

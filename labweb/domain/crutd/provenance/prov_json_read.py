@@ -17,7 +17,7 @@ _MOST_FINDINGS = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Statement:
+class ProvStatement:
     """One record of a document, with all names written out."""
 
     kind: str
@@ -34,14 +34,14 @@ class Statement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Document:
+class ProvDocument:
     """A document, or one of its bundles."""
 
-    statements: tuple[Statement, ...]
-    bundles: Mapping[str, Document] = field(default_factory=dict)
+    statements: tuple[ProvStatement, ...]
+    bundles: Mapping[str, ProvDocument] = field(default_factory=dict)
 
 
-def read_prov(raw: bytes) -> Document:
+def read_prov(raw: bytes) -> ProvDocument:
     """Read a PROV-JSON document whole.
 
     Raises:
@@ -103,15 +103,15 @@ class _Reader:
 
     def document(
         self, value: object, path: str, above: Mapping[str, str], *, is_bundle: bool = False
-    ) -> Document | None:
+    ) -> ProvDocument | None:
         """Read a document or bundle; None, with a finding, when it is no object."""
         if self.findings and not path:
             return None
         if not self._is_object(value, path):
             return None
         prefixes = {**above, **self._prefixes(value.get("prefix", _Pairs()), _at(path, "prefix"))}
-        statements: list[Statement] = []
-        bundles: dict[str, Document] = {}
+        statements: list[ProvStatement] = []
+        bundles: dict[str, ProvDocument] = {}
         for kind, records in value.items():
             where = _at(path, kind)
             if kind == "prefix":
@@ -122,7 +122,7 @@ class _Reader:
                 self.refuse(where, f"{kind} is no record of PROV", "prov.unknown_record")
             elif self._is_object(records, where):
                 statements += self._records(kind, records, where, prefixes)
-        return Document(statements=tuple(statements), bundles=bundles)
+        return ProvDocument(statements=tuple(statements), bundles=bundles)
 
     def _is_object(self, value: object, path: str) -> TypeGuard[dict[str, Any]]:
         if not isinstance(value, dict):
@@ -148,8 +148,8 @@ class _Reader:
 
     def _bundles(
         self, value: object, path: str, prefixes: Mapping[str, str]
-    ) -> dict[str, Document]:
-        found: dict[str, Document] = {}
+    ) -> dict[str, ProvDocument]:
+        found: dict[str, ProvDocument] = {}
         if not self._is_object(value, path):
             return found
         for name, content in value.items():
@@ -162,7 +162,7 @@ class _Reader:
 
     def _records(
         self, kind: str, records: Mapping[str, Any], path: str, prefixes: Mapping[str, str]
-    ) -> Iterator[Statement]:
+    ) -> Iterator[ProvStatement]:
         for name, contents in records.items():
             where = _at(path, name)
             full = self.name(name, where, prefixes)
@@ -179,7 +179,7 @@ class _Reader:
         content: Mapping[str, Any],
         path: str,
         prefixes: Mapping[str, str],
-    ) -> Statement:
+    ) -> ProvStatement:
         shape = SHAPES[kind]
         formal = {argument.name: argument for argument in shape.arguments}
         arguments: dict[str, str] = {}
@@ -193,7 +193,7 @@ class _Reader:
             else:
                 attributes += self._attribute(key, value, where, prefixes)
         is_blank = name is None or name.startswith("_:")
-        return Statement(
+        return ProvStatement(
             kind=kind,
             id=name if shape.is_element or not is_blank else None,
             arguments=arguments,

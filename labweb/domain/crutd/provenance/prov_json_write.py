@@ -10,7 +10,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from labweb.domain.crutd.provenance.provenance_graph import Bond, Fact, Graph, Kind, Node, Relation
+from labweb.domain.crutd.provenance.provenance_graph import (
+    Bond,
+    Fact,
+    ProvGraph,
+    ProvKind,
+    ProvNode,
+    Relation,
+)
 from labweb.domain.crutd.provenance.qualified_names import escape
 
 VOCABULARY = "urn:x-labweb:ns#"
@@ -33,7 +40,7 @@ _THIRD = {Bond.ASSOCIATED: "plan", Bond.ON_BEHALF: "activity"}
 _TIMED = frozenset({Bond.USED, Bond.GENERATED, Bond.INVALIDATED})
 
 
-def render_prov(graph: Graph, lab_id: str) -> dict[str, Any]:
+def render_prov(graph: ProvGraph, lab_id: str) -> dict[str, Any]:
     """Return a PROV-JSON document of the graph.
 
     Ids of the lab are names with the prefix `lab`, our own words have the prefix `labweb`.
@@ -62,7 +69,7 @@ def name_of(node_id: str) -> str:
     return f"lab:{escape(node_id)}"
 
 
-def _node(node: Node, *, is_collection: bool) -> dict[str, Any]:
+def _node(node: ProvNode, *, is_collection: bool) -> dict[str, Any]:
     record: dict[str, Any] = {"prov:label": node.name}
     types = [_qualified(f"labweb:{escape(node.type)}")]
     if node.type in _PEOPLE:
@@ -70,7 +77,7 @@ def _node(node: Node, *, is_collection: bool) -> dict[str, Any]:
     if is_collection:
         types.append(_qualified("prov:Collection"))
     record["prov:type"] = types
-    if node.kind is Kind.ACTIVITY:
+    if node.kind is ProvKind.ACTIVITY:
         times = {"prov:startTime": node.started_at, "prov:endTime": node.ended_at}
         record |= {key: at for key, at in times.items() if at}
     if node.place:

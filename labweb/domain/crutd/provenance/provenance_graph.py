@@ -9,7 +9,7 @@ from enum import StrEnum
 Fact = str | int | float | bool
 
 
-class Kind(StrEnum):
+class ProvKind(StrEnum):
     """What PROV has."""
 
     ENTITY = "entity"
@@ -38,13 +38,13 @@ class Bond(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+class ProvNode:
     """One entity, activity or agent."""
 
     id: str
     """`sort/identity`; unique in a lab."""
 
-    kind: Kind
+    kind: ProvKind
     type: str
     """Our own word for it: `lot`, `state`, `transaction`, …"""
 
@@ -77,17 +77,17 @@ class Relation:
     facts: Mapping[str, Fact] = field(default_factory=dict)
 
 
-ENDS: Mapping[Bond, tuple[Kind | None, Kind | None]] = {
-    Bond.USED: (Kind.ACTIVITY, Kind.ENTITY),
-    Bond.GENERATED: (Kind.ENTITY, Kind.ACTIVITY),
-    Bond.INVALIDATED: (Kind.ENTITY, Kind.ACTIVITY),
-    Bond.DERIVED: (Kind.ENTITY, Kind.ENTITY),
-    Bond.INFORMED: (Kind.ACTIVITY, Kind.ACTIVITY),
-    Bond.ASSOCIATED: (Kind.ACTIVITY, Kind.AGENT),
-    Bond.ATTRIBUTED: (Kind.ENTITY, Kind.AGENT),
-    Bond.ON_BEHALF: (Kind.AGENT, Kind.AGENT),
-    Bond.SPECIAL_CASE: (Kind.ENTITY, Kind.ENTITY),
-    Bond.MEMBER: (Kind.ENTITY, Kind.ENTITY),
+ENDS: Mapping[Bond, tuple[ProvKind | None, ProvKind | None]] = {
+    Bond.USED: (ProvKind.ACTIVITY, ProvKind.ENTITY),
+    Bond.GENERATED: (ProvKind.ENTITY, ProvKind.ACTIVITY),
+    Bond.INVALIDATED: (ProvKind.ENTITY, ProvKind.ACTIVITY),
+    Bond.DERIVED: (ProvKind.ENTITY, ProvKind.ENTITY),
+    Bond.INFORMED: (ProvKind.ACTIVITY, ProvKind.ACTIVITY),
+    Bond.ASSOCIATED: (ProvKind.ACTIVITY, ProvKind.AGENT),
+    Bond.ATTRIBUTED: (ProvKind.ENTITY, ProvKind.AGENT),
+    Bond.ON_BEHALF: (ProvKind.AGENT, ProvKind.AGENT),
+    Bond.SPECIAL_CASE: (ProvKind.ENTITY, ProvKind.ENTITY),
+    Bond.MEMBER: (ProvKind.ENTITY, ProvKind.ENTITY),
 }
 """Kinds of the later and of the earlier node of each bond."""
 
@@ -96,15 +96,15 @@ ELSEWHERE = "elsewhere"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Graph:
+class ProvGraph:
     """Nodes by id, and the relations between them; each once."""
 
     root: str
-    nodes: Mapping[str, Node]
+    nodes: Mapping[str, ProvNode]
     relations: tuple[Relation, ...]
 
 
-def make_graph(root: str, nodes: Iterable[Node], relations: Iterable[Relation]) -> Graph:
+def make_graph(root: str, nodes: Iterable[ProvNode], relations: Iterable[Relation]) -> ProvGraph:
     """Put a graph together, in a stable order.
 
     Raises:
@@ -122,14 +122,14 @@ def make_graph(root: str, nodes: Iterable[Node], relations: Iterable[Relation]) 
         key = (relation.bond, relation.later, relation.earlier, relation.role, relation.third)
         unique[key] = relation
     ordered = sorted(unique, key=lambda key: tuple(map(str, key)))
-    return Graph(
+    return ProvGraph(
         root=root,
         nodes={name: by_id[name] for name in sorted(by_id)},
         relations=tuple(unique[key] for key in ordered),
     )
 
 
-def redacted(graph: Graph, hidden: Collection[str]) -> Graph:
+def redacted(graph: ProvGraph, hidden: Collection[str]) -> ProvGraph:
     """Return the graph with the names and facts of some nodes taken out; its form stays."""
     secret = frozenset(hidden)
     nodes = {

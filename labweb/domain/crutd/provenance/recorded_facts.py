@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from labweb.domain.crutd.provenance.ledger_flows import Flow
+from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,11 +193,11 @@ class MeasurementFact:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Record:
+class RecordedFacts:
     """All that a graph is built from. What is named and not here is left out of the graph."""
 
     root: str
-    flows: Sequence[Flow] = ()
+    flows: Sequence[LedgerFlow] = ()
     transactions: Sequence[TransactionFact] = ()
     jobs: Sequence[JobFact] = ()
     runs: Sequence[RunFact] = ()

@@ -5,19 +5,21 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from labweb.domain.crutd.provenance.provenance_graph import Bond, Fact, Kind, Node, Relation
+from labweb.domain.crutd.provenance.provenance_graph import Bond, Fact, ProvKind, ProvNode, Relation
 from labweb.domain.crutd.provenance.recorded_facts import (
     DecisionFact,
     FileFact,
     JobFact,
     MeasurementFact,
-    Record,
+    RecordedFacts,
     RunFact,
     TransactionFact,
 )
 
 
-def governed(record: Record, known: Collection[str]) -> tuple[list[Node], list[Relation]]:
+def governed(
+    record: RecordedFacts, known: Collection[str]
+) -> tuple[list[ProvNode], list[Relation]]:
     """Return the nodes and relations of jobs, runs and decisions, and of whoever bears them.
 
     Args:
@@ -52,13 +54,13 @@ def _aged(reading: Mapping[str, Any]) -> str:
 
 
 class _Governed:
-    def __init__(self, record: Record, known: Collection[str]) -> None:
+    def __init__(self, record: RecordedFacts, known: Collection[str]) -> None:
         self._record = record
         self._known = frozenset(known)
         self._devices = {device.id: device for device in record.devices}
         self._runs = {run.id: run for run in record.runs}
         self._jobs = {job.id: job for job in record.jobs}
-        self.nodes: dict[str, Node] = {}
+        self.nodes: dict[str, ProvNode] = {}
         self.relations: list[Relation] = []
 
     def _bind(
@@ -85,19 +87,21 @@ class _Governed:
         return "" if device is None else self._agent(f"device/{device_id}", "device", device.name)
 
     def _agent(self, name: str, sort: str, label: str) -> str:
-        self.nodes[name] = Node(id=name, kind=Kind.AGENT, type=sort, name=label)
+        self.nodes[name] = ProvNode(id=name, kind=ProvKind.AGENT, type=sort, name=label)
         return name
 
     def _entity(self, name: str, sort: str, label: str, **facts: Fact) -> str:
-        self.nodes[name] = Node(id=name, kind=Kind.ENTITY, type=sort, name=label, facts=facts)
+        self.nodes[name] = ProvNode(
+            id=name, kind=ProvKind.ENTITY, type=sort, name=label, facts=facts
+        )
         return name
 
     def run(self, run: RunFact) -> None:
         """Add a run with its plan, and the version that the plan was compiled from."""
         name = f"run/{run.id}"
-        self.nodes[name] = Node(
+        self.nodes[name] = ProvNode(
             id=name,
-            kind=Kind.ACTIVITY,
+            kind=ProvKind.ACTIVITY,
             type="run",
             name=f"Run #{run.number}",
             started_at=run.started_at,
@@ -125,9 +129,9 @@ class _Governed:
         if decision.run_id not in self._runs:
             return
         name = f"decision/{decision.id}"
-        self.nodes[name] = Node(
+        self.nodes[name] = ProvNode(
             id=name,
-            kind=Kind.ACTIVITY,
+            kind=ProvKind.ACTIVITY,
             type="decision",
             name=decision.meaning,
             started_at=decision.at,
@@ -149,9 +153,9 @@ class _Governed:
         }
         if job.worker_pid is not None:
             facts["worker_pid"] = job.worker_pid
-        self.nodes[name] = Node(
+        self.nodes[name] = ProvNode(
             id=name,
-            kind=Kind.ACTIVITY,
+            kind=ProvKind.ACTIVITY,
             type="job",
             name=job.sentence,
             started_at=job.started_at,

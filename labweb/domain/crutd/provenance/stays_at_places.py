@@ -10,7 +10,7 @@ _DEEPEST = 1000
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Move:
+class PlaceMove:
     """One change of place."""
 
     at: datetime
@@ -32,7 +32,7 @@ class Stay:
     """None: it is still there."""
 
 
-Moves = Callable[[Collection[str]], Sequence[Move]]
+Moves = Callable[[Collection[str]], Sequence[PlaceMove]]
 """Given resources, return every move of each."""
 
 Parents = Callable[[Collection[str]], Mapping[str, str | None]]
@@ -68,9 +68,9 @@ def stays_at(resource: str, places: Collection[str], moves: Moves, parents: Pare
 
 def _gathered(
     resource: str, moves: Moves, parents: Parents
-) -> tuple[dict[str, list[Move]], dict[str, str | None]]:
+) -> tuple[dict[str, list[PlaceMove]], dict[str, str | None]]:
     """Read the moves of the resource and of whatever it ever stood in."""
-    by_resource: dict[str, list[Move]] = {}
+    by_resource: dict[str, list[PlaceMove]] = {}
     now: dict[str, str | None] = {}
     asked: set[str] = set()
     wanted = {resource}
@@ -84,7 +84,7 @@ def _gathered(
     return by_resource, now
 
 
-def _ever_in(moves: Iterable[Move], parent: str | None) -> set[str]:
+def _ever_in(moves: Iterable[PlaceMove], parent: str | None) -> set[str]:
     found = {end for move in moves for end in (move.source, move.target)} - {""}
     return found if parent is None else found | {parent}
 
@@ -93,7 +93,7 @@ def _is_inside(
     resource: str,
     places: frozenset[str],
     at: datetime | None,
-    moves: Mapping[str, Sequence[Move]],
+    moves: Mapping[str, Sequence[PlaceMove]],
     now: Mapping[str, str | None],
 ) -> bool:
     node: str | None = resource
@@ -104,7 +104,7 @@ def _is_inside(
     return node is not None and node in places
 
 
-def _parent_at(moves: Sequence[Move], now: str | None, at: datetime | None) -> str | None:
+def _parent_at(moves: Sequence[PlaceMove], now: str | None, at: datetime | None) -> str | None:
     """Return where something stood just after a time; None as time is the beginning."""
     if not moves:
         return now

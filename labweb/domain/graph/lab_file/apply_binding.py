@@ -10,7 +10,7 @@ from uuid import UUID
 
 from labweb.domain.errors import Finding, LabFileError
 from labweb.domain.graph.lab_file.binding_file import (
-    Binding,
+    BindingFile,
     ClassRule,
     DeviceRule,
     JoinRule,
@@ -24,15 +24,15 @@ from labweb.domain.graph.lab_file.lab_model import (
     DeviceEntry,
     HostEntry,
     LabFile,
-    Simulator,
+    LabFileSimulator,
     entry_id,
 )
 from labweb.domain.graph.lab_file.link_media import largest_port, name_media, tubes_of
 from labweb.domain.graph.lab_file.resource_config import check_config
 from labweb.domain.graph.lab_file.uni_lab_os.format_words import FORMAT
-from labweb.domain.graph.lab_file.uni_lab_os.graph_read import Stock
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import NodeStock
 from labweb.domain.graph.lab_file.uni_lab_os.node_as_resource import (
-    Place,
+    NodePlace,
     is_imported,
     to_node,
     to_resource,
@@ -51,7 +51,7 @@ UNMAPPED = "binding.unmapped"
 
 
 def apply_binding(
-    lab: LabFile, binding: Binding, nodes: Mapping[UUID, Mapping[str, Any]] | None = None
+    lab: LabFile, binding: BindingFile, nodes: Mapping[UUID, Mapping[str, Any]] | None = None
 ) -> tuple[LabFile, tuple[Finding, ...]]:
     """Give an imported lab its kinds and devices.
 
@@ -83,8 +83,8 @@ def apply_binding(
     return replace(bound, notes=(*before, *notes)), tuple(notes)
 
 
-def _apply_classes(lab: LabFile, binding: Binding, notes: list[Finding]) -> LabFile:
-    stock = Stock(
+def _apply_classes(lab: LabFile, binding: BindingFile, notes: list[Finding]) -> LabFile:
+    stock = NodeStock(
         lab.id,
         {material.key: material for material in lab.materials},
         list(lab.lots),
@@ -116,7 +116,7 @@ def _rekind(
     resource: Resource,
     node: dict[str, Any],
     rule: ClassRule,
-    stock: Stock,
+    stock: NodeStock,
     notes: list[Finding],
 ) -> Resource:
     config: dict[str, Any] = {}
@@ -134,7 +134,9 @@ def _rekind(
     if wrong:
         notes += [Finding("binding.value", finding.message, resource.key) for finding in wrong]
         config = {}
-    place = Place(resource.id, resource.key, resource.parent_id, resource.extra[FORMAT]["parent"])
+    place = NodePlace(
+        resource.id, resource.key, resource.parent_id, resource.extra[FORMAT]["parent"]
+    )
     rebuilt, holding = to_resource(place, node, rule.kind, config)
     if is_vessel(resource.kind) != is_vessel(rule.kind):
         _forget(stock, resource.id)
@@ -143,7 +145,9 @@ def _rekind(
     return rebuilt
 
 
-def _timers(lab: LabFile, binding: Binding, host: HostEntry) -> list[tuple[Resource, DeviceEntry]]:
+def _timers(
+    lab: LabFile, binding: BindingFile, host: HostEntry
+) -> list[tuple[Resource, DeviceEntry]]:
     """Give the host its timers, under the root; an export of the graph leaves them out."""
     taken = {*lab.tree.by_key, *(device.key for device in lab.devices)}
     free = (key for number in count(1) if (key := f"timer_{number}") not in taken)
@@ -169,12 +173,12 @@ def _timer(lab: LabFile, root_id: UUID, host: HostEntry, key: str) -> tuple[Reso
         host_id=host.id,
         driver="drivers.virtual.timer:HostTimer",
         nodes={"timer": resource.id},
-        simulator=Simulator(model="timer"),
+        simulator=LabFileSimulator(model="timer"),
     )
     return resource, device
 
 
-def _forget(stock: Stock, resource_id: UUID) -> None:
+def _forget(stock: NodeStock, resource_id: UUID) -> None:
     gone: Mapping[LotId, int] = stock.contents.pop(resource_id, {})
     stock.lots = [lot for lot in stock.lots if LotId(str(lot.id)) not in gone]
 
@@ -192,7 +196,7 @@ class _Binder:
     def __init__(
         self,
         lab: LabFile,
-        binding: Binding,
+        binding: BindingFile,
         raw: Mapping[UUID, Mapping[str, Any]],
         notes: list[Finding],
     ) -> None:
@@ -330,7 +334,7 @@ class _Binder:
             driver=rule.driver,
             config=config,
             nodes={role: resource.id for role, resource in nodes.items()},
-            simulator=Simulator(model=rule.simulator.model, settings=settings),
+            simulator=LabFileSimulator(model=rule.simulator.model, settings=settings),
         )
 
     def _value(self, rule: ValueRule, nodes: Mapping[str, Resource]) -> Any:  # noqa: ANN401 - JSON

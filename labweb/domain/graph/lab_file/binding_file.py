@@ -129,7 +129,7 @@ class HostRule(_Rule, frozen=True, kw_only=True):
     """Timers of the host: they need no instrument, and a graph has none."""
 
 
-class Binding(_Rule, frozen=True, kw_only=True):
+class BindingFile(_Rule, frozen=True, kw_only=True):
     """A whole binding file."""
 
     schema: Literal["labweb.binding/1"]
@@ -179,7 +179,7 @@ def is_match(name: object, pattern: str) -> bool:
     return name.startswith(pattern[:-1]) if pattern.endswith("*") else name == pattern
 
 
-def read_binding(raw: bytes) -> Binding:
+def read_binding(raw: bytes) -> BindingFile:
     """Read a binding file.
 
     Raises:
@@ -187,7 +187,7 @@ def read_binding(raw: bytes) -> Binding:
     """
     value = decode_json(raw)
     try:
-        binding = msgspec.convert(value, Binding)
+        binding = msgspec.convert(value, BindingFile)
     except msgspec.ValidationError as error:
         raise refuse("binding.invalid", f"the binding is refused: {error}") from error
     findings = _check(binding)
@@ -196,7 +196,7 @@ def read_binding(raw: bytes) -> Binding:
     return binding
 
 
-def _check(binding: Binding) -> list[Finding]:
+def _check(binding: BindingFile) -> list[Finding]:
     findings = [
         Finding("binding.unknown_kind", f"class {name!r}: kind {rule.kind!r} is unknown", name)
         for name, rule in binding.classes.items()

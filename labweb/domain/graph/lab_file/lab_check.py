@@ -8,7 +8,7 @@ from dataclasses import replace
 from uuid import UUID
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.lab_file.lab_model import UNI_LAB_OS, DeviceEntry, LabFile, Mode
+from labweb.domain.graph.lab_file.lab_model import UNI_LAB_OS, DeviceEntry, LabFile, LabMode
 from labweb.domain.graph.lab_file.name_and_tree_bounds import check_bounds
 from labweb.domain.graph.lab_file.resource_config import check_config
 from labweb.domain.graph.lab_file.size_contradictions import check_sizes
@@ -188,13 +188,13 @@ def _check_discovered(lab: LabFile) -> list[Finding]:
     return findings
 
 
-def _check_carrier(device: DeviceEntry, mode: Mode) -> list[Finding]:
+def _check_carrier(device: DeviceEntry, mode: LabMode) -> list[Finding]:
     subject = f"devices[{device.key!r}]"
     if (device.transport is None) == (device.simulator is None):
         message = f"{subject}: give exactly one of transport and simulator"
-    elif mode is Mode.SIM and device.simulator is None:
+    elif mode is LabMode.SIM and device.simulator is None:
         message = f"{subject}: a lab in mode sim has a simulator for every device"
-    elif mode is Mode.LIVE and device.transport is None:
+    elif mode is LabMode.LIVE and device.transport is None:
         message = f"{subject}: a lab in mode live has a transport for every device"
     else:
         return []

@@ -29,10 +29,10 @@ from labweb.domain.graph.lab_file.lab_model import (
     DeviceEntry,
     HostEntry,
     LabFile,
-    Lot,
-    Material,
-    Mode,
-    Simulator,
+    LabFileLot,
+    LabFileMaterial,
+    LabFileSimulator,
+    LabMode,
     entry_id,
     lab_id,
 )
@@ -105,7 +105,7 @@ class _Reader:
             id=self.lab,
             name=self.top.name,
             time_zone=self.top.time_zone,
-            mode=Mode(self.top.mode),
+            mode=LabMode(self.top.mode),
             materials=tuple(self._material(entry) for entry in materials),
             lots=self._each(lots, self._lot),
             resources=self._each(resources, self._resource),
@@ -167,8 +167,8 @@ class _Reader:
             self._wrong("lab_file.dangling", subject, field, f"no {sort} {key!r} in the file")
         return found
 
-    def _material(self, entry: MaterialEntry) -> Material:
-        return Material(
+    def _material(self, entry: MaterialEntry) -> LabFileMaterial:
+        return LabFileMaterial(
             id=self.ids["material"][entry.key],
             key=entry.key,
             name=entry.name,
@@ -181,7 +181,7 @@ class _Reader:
             incompatible_with=tuple(entry.incompatible_with),
         )
 
-    def _lot(self, entry: LotEntry) -> Lot | None:
+    def _lot(self, entry: LotEntry) -> LabFileLot | None:
         subject = f"lots[{entry.key!r}]"
         if entry.expires_on is not None:
             try:
@@ -191,7 +191,7 @@ class _Reader:
         material = self._find("material", entry.material, subject, "material")
         if material is None:
             return None
-        return Lot(
+        return LabFileLot(
             id=self.ids["lot"][entry.key],
             key=entry.key,
             material_id=material,
@@ -325,8 +325,8 @@ class _Reader:
         )
 
 
-def _simulator(entry: SimulatorEntry) -> Simulator:
-    return Simulator(model=entry.model, settings=entry.settings, line=entry.line)
+def _simulator(entry: SimulatorEntry) -> LabFileSimulator:
+    return LabFileSimulator(model=entry.model, settings=entry.settings, line=entry.line)
 
 
 def _keys(values: list[object]) -> list[str]:

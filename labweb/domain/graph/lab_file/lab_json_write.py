@@ -8,7 +8,13 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.graph.lab_file.lab_json_entries import SCHEMA
-from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFile, Lot, Material, Simulator
+from labweb.domain.graph.lab_file.lab_model import (
+    DeviceEntry,
+    LabFile,
+    LabFileLot,
+    LabFileMaterial,
+    LabFileSimulator,
+)
 from labweb.domain.graph.ports_and_connections import Connection, PortRef
 from labweb.domain.resources.contents import Phase
 from labweb.domain.resources.exact_volumes import from_nl
@@ -42,7 +48,7 @@ def _given(**fields: object) -> dict[str, Any]:
     return {name: value for name, value in fields.items() if value is not None and value != []}
 
 
-def _material(material: Material) -> dict[str, Any]:
+def _material(material: LabFileMaterial) -> dict[str, Any]:
     return _given(
         key=material.key,
         name=material.name,
@@ -56,7 +62,7 @@ def _material(material: Material) -> dict[str, Any]:
     )
 
 
-def _lot(lot: Lot, materials: Mapping[UUID, Material]) -> dict[str, Any]:
+def _lot(lot: LabFileLot, materials: Mapping[UUID, LabFileMaterial]) -> dict[str, Any]:
     return _given(
         key=lot.key,
         material=materials[lot.material_id].key,
@@ -126,6 +132,6 @@ def _device(device: DeviceEntry, lab: LabFile, keys: Mapping[UUID, str]) -> dict
     }
 
 
-def _simulator(simulator: Simulator) -> dict[str, Any]:
+def _simulator(simulator: LabFileSimulator) -> dict[str, Any]:
     rendered = {"model": simulator.model, "settings": dict(simulator.settings)}
     return rendered if simulator.line is None else {**rendered, "line": simulator.line}

@@ -22,7 +22,7 @@ LAB_NAMESPACE = UUID("5f6f6f2c-3f0b-5d0e-9a53-0c5b8e0d7a11")
 """Namespace under which the name of a lab becomes its id."""
 
 
-class Mode(StrEnum):
+class LabMode(StrEnum):
     """Whether the devices of a lab are real. The two never mix in one lab."""
 
     SIM = "sim"
@@ -43,7 +43,7 @@ def entry_id(lab: UUID, sort: str, key: str) -> UUID:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Material:
+class LabFileMaterial:
     """A chemical identity."""
 
     id: UUID
@@ -67,7 +67,7 @@ class Material:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lot:
+class LabFileLot:
     """One delivery of a material."""
 
     id: UUID
@@ -92,7 +92,7 @@ class HostEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Simulator:
+class LabFileSimulator:
     """The simulated instrument that stands in for a device."""
 
     model: str
@@ -119,7 +119,7 @@ class DeviceEntry:
     transport: str | None = None
     """URL of the byte carrier; None when a simulator stands in."""
 
-    simulator: Simulator | None = None
+    simulator: LabFileSimulator | None = None
 
     @property
     def line(self) -> str:
@@ -146,9 +146,9 @@ class LabFile:
     id: UUID
     name: str
     time_zone: str
-    mode: Mode
-    materials: tuple[Material, ...] = ()
-    lots: tuple[Lot, ...] = ()
+    mode: LabMode
+    materials: tuple[LabFileMaterial, ...] = ()
+    lots: tuple[LabFileLot, ...] = ()
     resources: tuple[Resource, ...] = ()
     contents: Mapping[UUID, Mapping[LotId, int]] = field(default_factory=dict)
     """Resource → lot id as text → nanolitres. Empty vessels are not listed."""
@@ -179,11 +179,11 @@ class LabFile:
         return PhysicalGraph(self.connections)
 
     @cached_property
-    def lots_by_id(self) -> Mapping[LotId, Lot]:
+    def lots_by_id(self) -> Mapping[LotId, LabFileLot]:
         """Lot by its id as text."""
         return {LotId(str(lot.id)): lot for lot in self.lots}
 
     @cached_property
-    def materials_by_id(self) -> Mapping[UUID, Material]:
+    def materials_by_id(self) -> Mapping[UUID, LabFileMaterial]:
         """Material by id."""
         return {material.id: material for material in self.materials}

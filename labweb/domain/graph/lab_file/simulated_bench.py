@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFile, Material
+from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFile, LabFileMaterial
 from labweb.domain.graph.lab_file.untrusted_json import refuse
 from labweb.domain.graph.ports_and_connections import Connection, Medium, PortRef
 from labweb.domain.resources.contents import LotId
@@ -267,7 +267,7 @@ class _Bench:
             return {}
         return {"capacity_ul": capacity_ul}
 
-    def _ph(self, material: Material) -> dict[str, float]:
+    def _ph(self, material: LabFileMaterial) -> dict[str, float]:
         """Return the pH of a material, and none where nobody knows it."""
         if material.ph is None:
             return {}

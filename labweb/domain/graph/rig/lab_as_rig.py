@@ -7,10 +7,10 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.elements import Element, ElementRole, Tube
 from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.domain.graph.lab_file.lab_json_write import render_lab
-from labweb.domain.graph.lab_file.lab_model import LabFile, Mode
+from labweb.domain.graph.lab_file.lab_model import LabFile, LabMode
 from labweb.domain.graph.ports_and_connections import Connection
 from labweb.domain.graph.rig.nodes_as_elements import find_defects
 from labweb.domain.graph.rig.rig_model import Rig, RigFormat
@@ -22,13 +22,13 @@ COMMON_PORT = "common"
 
 _NL_PER_ML = 1_000_000
 
-_ROLES: Mapping[str, Role] = {
-    "rotary_valve": Role.VALVE,
-    "solenoid_valve": Role.SOLENOID,
-    "syringe_pump": Role.PUMP,
-    "cartridge": Role.CARTRIDGE,
-    "vacuum_controller": Role.VACUUM,
-    "vacuum_line": Role.VACUUM,
+_ROLES: Mapping[str, ElementRole] = {
+    "rotary_valve": ElementRole.VALVE,
+    "solenoid_valve": ElementRole.SOLENOID,
+    "syringe_pump": ElementRole.PUMP,
+    "cartridge": ElementRole.CARTRIDGE,
+    "vacuum_controller": ElementRole.VACUUM,
+    "vacuum_line": ElementRole.VACUUM,
 }
 _TRANSMITTER = "transmitter"
 _INFUSES = "infusion_pump"
@@ -96,7 +96,7 @@ def render_graph(lab: LabFile) -> bytes:
         replace(device, transport=f"tcp://{place}", simulator=None)
         for place, device in enumerate(lab.devices)
     )
-    return render_lab(replace(lab, mode=Mode.LIVE, devices=devices))
+    return render_lab(replace(lab, mode=LabMode.LIVE, devices=devices))
 
 
 def _class_of(resource: Resource, role: str | None) -> str:
@@ -109,13 +109,13 @@ def _class_of(resource: Resource, role: str | None) -> str:
 def _element(resource: Resource, role: str | None, selects: bool) -> Element:  # noqa: FBT001 - as `selects` of `element_of_resource`
     """Return what a resource does; a syringe that only infuses draws from no port by choice."""
     element = element_of_resource(resource, selects=selects)
-    return replace(element, role=Role.OTHER) if role == _INFUSES else element
+    return replace(element, role=ElementRole.OTHER) if role == _INFUSES else element
 
 
 def _ported(element: Element, tubes: Iterable[Tube]) -> Element:
     """Give a selector the ports that its settings count, unless a tube is at yet another."""
     count = element.attributes.get("ports_count")
-    if element.role is not Role.VALVE or not isinstance(count, int):
+    if element.role is not ElementRole.VALVE or not isinstance(count, int):
         return element
     ports = {str(place) for place in range(1, count + 1)} | {element.common_port or COMMON_PORT}
     joined = {tube.source_port for tube in tubes if tube.source == element.key}
@@ -152,21 +152,21 @@ def element_of_resource(resource: Resource, *, selects: bool = False) -> Element
     """Return what a resource does with liquid; `selects`: the pump turns a valve of its own."""
     role = _ROLES.get(resource.kind)
     if role is None:
-        role = Role.VESSEL if is_vessel(resource.kind) else Role.OTHER
-    if role is Role.VESSEL and resource.config.get("gas"):
-        role = Role.GAS
+        role = ElementRole.VESSEL if is_vessel(resource.kind) else ElementRole.OTHER
+    if role is ElementRole.VESSEL and resource.config.get("gas"):
+        role = ElementRole.GAS
     capacity_ul = resource.config.get("capacity_ul")
     capacity_nl = None
-    if role is Role.PUMP and isinstance(capacity_ul, int | float) and capacity_ul > 0:
+    if role is ElementRole.PUMP and isinstance(capacity_ul, int | float) and capacity_ul > 0:
         capacity_nl = round(capacity_ul * 1000)
     return Element(
         key=resource.key,
         role=role,
         kind=resource.kind,
         common_port=str(resource.config.get("common_port", COMMON_PORT))
-        if role is Role.VALVE
+        if role is ElementRole.VALVE
         else None,
-        numbered=role is Role.VALVE,
+        numbered=role is ElementRole.VALVE,
         selects=selects,
         capacity_nl=capacity_nl,
         attributes=resource.config,

@@ -12,15 +12,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.ports_and_connections import Medium
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sort:
+class NodeClass:
     """What a class says about an element."""
 
-    role: Role
+    role: ElementRole
     ports: frozenset[str] | None = None
     common_port: str | None = None
     leave_by: str | None = None
@@ -33,43 +33,46 @@ def _six() -> frozenset[str]:
     return frozenset(str(port) for port in range(-1, 6))
 
 
-_ROTAVAP = Sort(role=Role.VESSEL, leave_by="evaporate", enter_by="evaporate")
-_STIRRER = Sort(role=Role.OTHER, medium=Medium.MECHANICAL)
-_HEATER = Sort(role=Role.OTHER, medium=Medium.THERMAL)
-_SENSOR = Sort(role=Role.OTHER, medium=Medium.ELECTRICAL)
-_LAMP = Sort(role=Role.OTHER, medium=Medium.ELECTRICAL)
-_VACUUM = Sort(role=Role.VACUUM, medium=Medium.VACUUM)
+_ROTAVAP = NodeClass(role=ElementRole.VESSEL, leave_by="evaporate", enter_by="evaporate")
+_STIRRER = NodeClass(role=ElementRole.OTHER, medium=Medium.MECHANICAL)
+_HEATER = NodeClass(role=ElementRole.OTHER, medium=Medium.THERMAL)
+_SENSOR = NodeClass(role=ElementRole.OTHER, medium=Medium.ELECTRICAL)
+_LAMP = NodeClass(role=ElementRole.OTHER, medium=Medium.ELECTRICAL)
+_VACUUM = NodeClass(role=ElementRole.VACUUM, medium=Medium.VACUUM)
 
-CHEMPUTER: Mapping[str, Sort] = {
-    "valve": Sort(role=Role.VALVE, ports=_six(), common_port="-1"),
-    "pump": Sort(role=Role.PUMP, ports=frozenset("0")),
-    "flask": Sort(role=Role.VESSEL),
-    "collectionflask": Sort(role=Role.VESSEL),
-    "waste": Sort(role=Role.VESSEL),
-    "reactor": Sort(role=Role.VESSEL, ports=frozenset("012")),
-    "separator": Sort(
-        role=Role.VESSEL,
+CHEMPUTER: Mapping[str, NodeClass] = {
+    "valve": NodeClass(role=ElementRole.VALVE, ports=_six(), common_port="-1"),
+    "pump": NodeClass(role=ElementRole.PUMP, ports=frozenset("0")),
+    "flask": NodeClass(role=ElementRole.VESSEL),
+    "collectionflask": NodeClass(role=ElementRole.VESSEL),
+    "waste": NodeClass(role=ElementRole.VESSEL),
+    "reactor": NodeClass(role=ElementRole.VESSEL, ports=frozenset("012")),
+    "separator": NodeClass(
+        role=ElementRole.VESSEL,
         ports=frozenset(("top", "bottom")),
         leave_by="bottom",
         enter_by="bottom",
     ),
-    "filter": Sort(
-        role=Role.VESSEL, ports=frozenset(("top", "bottom")), leave_by="bottom", enter_by="top"
+    "filter": NodeClass(
+        role=ElementRole.VESSEL,
+        ports=frozenset(("top", "bottom")),
+        leave_by="bottom",
+        enter_by="top",
     ),
-    "cartridge": Sort(role=Role.CARTRIDGE),
-    "column": Sort(role=Role.CARTRIDGE),
-    "manifold": Sort(role=Role.MANIFOLD),
+    "cartridge": NodeClass(role=ElementRole.CARTRIDGE),
+    "column": NodeClass(role=ElementRole.CARTRIDGE),
+    "manifold": NodeClass(role=ElementRole.MANIFOLD),
     "vacuum": _VACUUM,
     "rotavap": _ROTAVAP,
 }
 """What follows `Chemputer` in a class of such a graph."""
 
-_INSTRUMENTS: tuple[tuple[re.Pattern[str], Sort], ...] = tuple(
+_INSTRUMENTS: tuple[tuple[re.Pattern[str], NodeClass], ...] = tuple(
     (re.compile(pattern), sort)
     for pattern, sort in (
         (r"rv_?10|rotavap|rotovap|r300", _ROTAVAP),
         (r"cvc3000|vacuum", _VACUUM),
-        (r"pneumatic", Sort(role=Role.OTHER, medium=Medium.GAS)),
+        (r"pneumatic", NodeClass(role=ElementRole.OTHER, medium=Medium.GAS)),
         (r"heitorque|rzr_?2052|microstar|stirrer|vortex", _STIRRER),
         (
             r"hot_?plate|rct|ret_?control|ret_?visc|julabo|cf41|huber|heat|chill|cool|cryo",
@@ -82,19 +85,19 @@ _INSTRUMENTS: tuple[tuple[re.Pattern[str], Sort], ...] = tuple(
     )
 )
 
-_WORDS: tuple[tuple[re.Pattern[str], Role], ...] = tuple(
+_WORDS: tuple[tuple[re.Pattern[str], ElementRole], ...] = tuple(
     (re.compile(pattern), role)
     for pattern, role in (
-        (r"gas_?source|gassource", Role.GAS),
-        (r"solenoid", Role.SOLENOID),
-        (r"pump", Role.PUMP),
-        (r"valve", Role.VALVE),
-        (r"manifold", Role.MANIFOLD),
-        (r"cartridge|column", Role.CARTRIDGE),
+        (r"gas_?source|gassource", ElementRole.GAS),
+        (r"solenoid", ElementRole.SOLENOID),
+        (r"pump", ElementRole.PUMP),
+        (r"valve", ElementRole.VALVE),
+        (r"manifold", ElementRole.MANIFOLD),
+        (r"cartridge|column", ElementRole.CARTRIDGE),
         (
             r"container|flask|bottle|vial|reactor|waste|separator|filter|vessel|beaker|tube(?!_?rack)"
             r"|trough|well|centrifuge",
-            Role.VESSEL,
+            ElementRole.VESSEL,
         ),
     )
 )
@@ -105,7 +108,7 @@ COMMON_NAMES = frozenset(
 """Names that a rotary valve's fixed port goes by."""
 
 
-def chemputer_sort(name: str) -> Sort | None:
+def chemputer_sort(name: str) -> NodeClass | None:
     """Return what a Chemputer class is; None for a class of other makers.
 
     Example:
@@ -116,13 +119,13 @@ def chemputer_sort(name: str) -> Sort | None:
     return CHEMPUTER.get(word.removeprefix("chemputer")) if word.startswith("chemputer") else None
 
 
-def instrument_sort(name: str) -> Sort | None:
+def instrument_sort(name: str) -> NodeClass | None:
     """Return what an instrument is that touches no liquid, or a rotary evaporator."""
     word = name.lower()
     return next((sort for pattern, sort in _INSTRUMENTS if pattern.search(word)), None)
 
 
-def role_by_words(*names: str) -> Role | None:
+def role_by_words(*names: str) -> ElementRole | None:
     """Return the role that the words of a class or type name, or None.
 
     Example:

@@ -10,12 +10,12 @@ from functools import lru_cache
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import NL_PER_ML, Element, Role, Tube
+from labweb.domain.graph.elements import NL_PER_ML, Element, ElementRole, Tube
 from labweb.domain.graph.lab_file.uni_lab_os.node_liquid import nl_per_unit
 from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.graph.rig.node_classes import (
     COMMON_NAMES,
-    Sort,
+    NodeClass,
     chemputer_sort,
     instrument_sort,
     role_by_words,
@@ -33,28 +33,28 @@ _MEDIA: Mapping[str, Medium] = {
 }
 _LARGEST_NL = 10_000_000 * NL_PER_ML
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
-_OTHER = Sort(role=Role.OTHER)
+_OTHER = NodeClass(role=ElementRole.OTHER)
 _ENDS = 2
 _MOST_PORTS = 64
 
 
-def sort_of(node: Mapping[str, Any]) -> Sort:
+def sort_of(node: Mapping[str, Any]) -> NodeClass:
     """Return what a node is, by its class and type and never by its name."""
     return _sort(str(node.get("class") or ""), str(node.get("type") or ""))
 
 
 @lru_cache(maxsize=1024)
-def _sort(name: str, type_: str) -> Sort:
+def _sort(name: str, type_: str) -> NodeClass:
     found = chemputer_sort(name)
     if found is not None:
         return found
     role = role_by_words(name)
     instrument = instrument_sort(name)
-    if instrument is not None and role in (None, Role.PUMP):
+    if instrument is not None and role in (None, ElementRole.PUMP):
         return instrument
     if role is None and type_ != "device":
         role = role_by_words(type_)
-    return _OTHER if role is None else Sort(role=role)
+    return _OTHER if role is None else NodeClass(role=role)
 
 
 def element_of(key: str, node: Mapping[str, Any]) -> Element:
@@ -72,8 +72,8 @@ def element_of(key: str, node: Mapping[str, Any]) -> Element:
         common_port=_text(places, "common_port") or sort.common_port,
         ports=sort.ports,
         positions=_positions(places),
-        selects=sort.role is Role.PUMP and "valve" in name.lower(),
-        capacity_nl=_capacity(places, unit) if sort.role is Role.PUMP else None,
+        selects=sort.role is ElementRole.PUMP and "valve" in name.lower(),
+        capacity_nl=_capacity(places, unit) if sort.role is ElementRole.PUMP else None,
         leave_by=sort.leave_by,
         enter_by=sort.enter_by,
         attributes=node,
@@ -174,7 +174,9 @@ def listed_liquids(said: Mapping[str, Any]) -> Iterator[list[object]]:
             yield list(value) if isinstance(value, list | tuple) else [value]
 
 
-def medium_of(link: Mapping[str, Any], ends: tuple[Sort, Sort], *, chemputer: bool) -> Medium:
+def medium_of(
+    link: Mapping[str, Any], ends: tuple[NodeClass, NodeClass], *, chemputer: bool
+) -> Medium:
     """Return what a link carries, by its own type or by what it joins."""
     type_ = link.get("type")
     if isinstance(type_, str) and type_ in _MEDIA and type_ != "fluid":
@@ -199,7 +201,9 @@ def find_common_ports(elements: Iterable[Element], tubes: Iterable[Tube]) -> lis
             joined.setdefault(tube.target, []).append((tube.target_port, known.get(tube.source)))
     return [
         replace(element, common_port=_common(joined.get(element.key, [])))
-        if element.role is Role.VALVE and element.common_port is None and not element.positions
+        if element.role is ElementRole.VALVE
+        and element.common_port is None
+        and not element.positions
         else element
         for element in known.values()
     ]
@@ -223,7 +227,7 @@ def count_ports(elements: Iterable[Element], tubes: Iterable[Tube]) -> list[Elem
 def _counted(element: Element, joined: set[str]) -> Element:
     config = element.attributes.get("config")
     count = config.get("positions") if isinstance(config, Mapping) else None
-    if element.role is not Role.VALVE or element.ports is not None:
+    if element.role is not ElementRole.VALVE or element.ports is not None:
         return element
     if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= _MOST_PORTS:
         return element
@@ -233,7 +237,9 @@ def _counted(element: Element, joined: set[str]) -> Element:
 
 def _common(joined: list[tuple[str, Element | None]]) -> str | None:
     named = {port for port, _ in joined if port.lower() in COMMON_NAMES}
-    pumps = {port for port, far in joined if far and far.role is Role.PUMP and not far.selects}
+    pumps = {
+        port for port, far in joined if far and far.role is ElementRole.PUMP and not far.selects
+    }
     for found in (named, pumps):
         if len(found) == 1:
             return found.pop()

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.elements import Element, ElementRole, Tube
 from labweb.domain.graph.port_network import Network
 
 
@@ -45,7 +45,7 @@ class Rig:
     @cached_property
     def pumps(self) -> frozenset[str]:
         """Return the keys of what pumps liquid."""
-        return frozenset(one.key for one in self.elements if one.role is Role.PUMP)
+        return frozenset(one.key for one in self.elements if one.role is ElementRole.PUMP)
 
     @cached_property
     def network(self) -> Network:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import NL_PER_ML, Element, Role
+from labweb.domain.graph.elements import NL_PER_ML, Element, ElementRole
 from labweb.domain.graph.lab_file.uni_lab_os.format_words import ENDLESS
 from labweb.domain.graph.rig.nodes_as_elements import (
     decimal,
@@ -31,7 +31,7 @@ def check_volumes(rig: Rig) -> list[Finding]:
     """
     found: list[Finding] = []
     for element in rig.elements:
-        if element.role in (Role.VESSEL, Role.PUMP):
+        if element.role in (ElementRole.VESSEL, ElementRole.PUMP):
             found += _check_element(_Reader("node", element.key, element.nl_per_unit), element)
     for tube in rig.tubes:
         if _is_said(tube.attributes.get("volume")):

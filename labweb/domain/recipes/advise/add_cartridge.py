@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing, Port
+from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing, DrawnPort
 
 
 def add_cartridge(drawing: Drawing, filling: str) -> bool:
@@ -13,8 +13,8 @@ def add_cartridge(drawing: Drawing, filling: str) -> bool:
     one, two = ends
     fields = {"type": "cartridge", "chemical": filling}
     key = drawing.add(f"cartridge_{filling}", "ChemputerCartridge", **fields)
-    drawing.lay(one, Port(key, "in"))
-    drawing.lay(Port(key, "out"), two)
+    drawing.lay(one, DrawnPort(key, "in"))
+    drawing.lay(DrawnPort(key, "out"), two)
     text = f"Add cartridge {key} with {filling} from {one} to {two}"
     drawing.say("add_cartridge", lambda: text, key)
     return True
@@ -34,15 +34,15 @@ def move_cartridge(drawing: Drawing, key: str) -> bool:
     if ends is None or not into or not out:
         return False
     one, two = ends
-    drawing.lay(one, Port(key, into[0]))
-    drawing.lay(Port(key, out[0]), two)
+    drawing.lay(one, DrawnPort(key, into[0]))
+    drawing.lay(DrawnPort(key, out[0]), two)
     drawing.cost += 1
     text = f"Join cartridge {key} anew, from {one} to {two}"
     drawing.say("move_cartridge", lambda: text)
     return True
 
 
-def _ends(drawing: Drawing) -> tuple[Port, Port] | None:
+def _ends(drawing: Drawing) -> tuple[DrawnPort, DrawnPort] | None:
     """Return a port of each of two valves of the backbone; beside a single one comes another."""
     one = drawing.free_port()
     two = None if one is None else drawing.free_port(but_not=one.key) or drawing.longer()

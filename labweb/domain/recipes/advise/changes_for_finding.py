@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.recipes.advise.rig_changes import Change
-from labweb.domain.recipes.on_rig.equipment import Sort
+from labweb.domain.recipes.advise.rig_changes import DrawableChange
+from labweb.domain.recipes.on_rig.equipment import VesselSort
 
 Facts = Mapping[str, Any]
-_DRAWN = frozenset(sort.value for sort in Sort) - {Sort.PLAIN.value}
+_DRAWN = frozenset(sort.value for sort in VesselSort) - {VesselSort.PLAIN.value}
 _UL_PER_ML = 1000
 
 
-def cures(finding: Finding) -> list[Change]:
+def cures(finding: Finding) -> list[DrawableChange]:
     """List the changes of which each would cure a finding; none: no plumbing does."""
     facts = finding.context
     if "from" in facts:
@@ -23,96 +23,105 @@ def cures(finding: Finding) -> list[Change]:
     return [] if found is None else found(facts)
 
 
-def _ways(finding: Finding, facts: Facts) -> list[Change]:
+def _ways(finding: Finding, facts: Facts) -> list[DrawableChange]:
     source, target = str(facts["from"]), str(facts["to"])
     if facts["through"] and not (finding.code == "plan.no_tube" and facts["at"]):
-        return [Change("move_cartridge", str(key)) for key in facts["through"]]
+        return [DrawableChange("move_cartridge", str(key)) for key in facts["through"]]
     if finding.code == "plan.no_tube":
         end = str(facts["at"] or source)
-        return [Change("join", end, "in" if end == target else "out")]
-    return [Change("join", source, "out"), Change("join", target, "in")]
+        return [DrawableChange("join", end, "in" if end == target else "out")]
+    return [DrawableChange("join", source, "out"), DrawableChange("join", target, "in")]
 
 
-def _reagent(facts: Facts) -> list[Change]:
+def _reagent(facts: Facts) -> list[DrawableChange]:
     if facts.get("differs_in_case_alone"):
         return []  # It is there: somebody has to say so.
-    return [Change("add_flask", str(facts["reagent"]))]
+    return [DrawableChange("add_flask", str(facts["reagent"]))]
 
 
-def _vessel(facts: Facts) -> list[Change]:
+def _vessel(facts: Facts) -> list[DrawableChange]:
     sort = str(facts.get("sort"))
-    return [Change("add_vessel", str(facts["role"]), sort)] if sort in _DRAWN else []
+    return [DrawableChange("add_vessel", str(facts["role"]), sort)] if sort in _DRAWN else []
 
 
-def _gas(facts: Facts) -> list[Change]:
+def _gas(facts: Facts) -> list[DrawableChange]:
     if "vessel" in facts:
         gas = "" if facts.get("is_any_inert") else str(facts["gas"])
-        return [Change("join_gas", str(facts["vessel"]), gas)]
-    return [Change("add_flask", "nitrogen")]
+        return [DrawableChange("join_gas", str(facts["vessel"]), gas)]
+    return [DrawableChange("add_flask", "nitrogen")]
 
 
-def _overflow(facts: Facts) -> list[Change]:
-    return [Change("enlarge", str(facts["vessel"]), float(facts["needed_ul"]) / _UL_PER_ML)]
+def _overflow(facts: Facts) -> list[DrawableChange]:
+    return [DrawableChange("enlarge", str(facts["vessel"]), float(facts["needed_ul"]) / _UL_PER_ML)]
 
 
-def _thermostat(facts: Facts) -> list[Change]:
+def _thermostat(facts: Facts) -> list[DrawableChange]:
     if "vessel" not in facts:
         return []
-    return [Change("attach_thermostat", str(facts["vessel"]), (float(facts["temperature_c"]),))]
+    return [
+        DrawableChange("attach_thermostat", str(facts["vessel"]), (float(facts["temperature_c"]),))
+    ]
 
 
-def _vacuum(facts: Facts) -> list[Change]:
+def _vacuum(facts: Facts) -> list[DrawableChange]:
     vessel = str(facts["vessel"])
-    return [Change("join_vacuum", vessel, "shared"), Change("join_vacuum", vessel, "own")]
+    return [
+        DrawableChange("join_vacuum", vessel, "shared"),
+        DrawableChange("join_vacuum", vessel, "own"),
+    ]
 
 
-def _shared(facts: Facts) -> list[Change]:
+def _shared(facts: Facts) -> list[DrawableChange]:
     if "other" not in facts:
         return []
-    return [Change("own_vacuum", str(facts["other"]), str(facts["pump"]))]
+    return [DrawableChange("own_vacuum", str(facts["other"]), str(facts["pump"]))]
 
 
-def _condenser(facts: Facts) -> list[Change]:
+def _condenser(facts: Facts) -> list[DrawableChange]:
     if "target" not in facts:
-        return [Change("add_receiver", str(facts["vessel"]))]
-    return [Change("attach_condenser", str(facts["vessel"]), str(facts["target"]))]
+        return [DrawableChange("add_receiver", str(facts["vessel"]))]
+    return [DrawableChange("attach_condenser", str(facts["vessel"]), str(facts["target"]))]
 
 
-def _waste(facts: Facts) -> list[Change]:
+def _waste(facts: Facts) -> list[DrawableChange]:
     """Return one more waste: for the streams that none takes, or for what one must not get."""
     if not facts.get("is_waste", True):
         return []
     liquid = str(facts.get("coming", ""))
-    return [Change("add_waste", liquid, ",".join(facts["streams"]))]
+    return [DrawableChange("add_waste", liquid, ",".join(facts["streams"]))]
 
 
-_CURES: Mapping[str, Callable[[Facts], list[Change]]] = {
+_CURES: Mapping[str, Callable[[Facts], list[DrawableChange]]] = {
     "plan.no_reagent": _reagent,
     "plan.no_vessel": _vessel,
     "plan.no_waste": lambda facts: [
-        Change("add_vessel", "waste", Sort.WASTE.value),
-        Change("join", str(facts["vessel"]), "out"),
+        DrawableChange("add_vessel", "waste", VesselSort.WASTE.value),
+        DrawableChange("join", str(facts["vessel"]), "out"),
     ],
     "plan.no_stream": _waste,
     "plan.incompatible": _waste,
     "plan.no_buffer": lambda facts: [
-        Change("add_flask", ""),
-        Change("join", str(facts["vessel"]), "out"),
-        Change("join", str(facts["vessel"]), "in"),
+        DrawableChange("add_flask", ""),
+        DrawableChange("join", str(facts["vessel"]), "out"),
+        DrawableChange("join", str(facts["vessel"]), "in"),
     ],
-    "plan.no_cartridge": lambda facts: [Change("add_cartridge", str(facts["filling"]))],
+    "plan.no_cartridge": lambda facts: [DrawableChange("add_cartridge", str(facts["filling"]))],
     "plan.overflow": _overflow,
-    "plan.no_stirrer": lambda facts: [Change("attach", str(facts["vessel"]), "stirrer")],
+    "plan.no_stirrer": lambda facts: [DrawableChange("attach", str(facts["vessel"]), "stirrer")],
     "plan.no_thermostat": _thermostat,
     "plan.out_of_range": _thermostat,
     "plan.no_vacuum": _vacuum,
     "plan.vacuum_shared": _shared,
     "plan.no_gas": _gas,
-    "plan.no_lamp": lambda facts: [Change("attach", str(facts["vessel"]), "lamp")],
-    "plan.no_ultrasound": lambda facts: [Change("attach", str(facts["vessel"]), "ultrasonic bath")],
-    "plan.no_microwave": lambda facts: [Change("attach", str(facts["vessel"]), "microwave")],
+    "plan.no_lamp": lambda facts: [DrawableChange("attach", str(facts["vessel"]), "lamp")],
+    "plan.no_ultrasound": lambda facts: [
+        DrawableChange("attach", str(facts["vessel"]), "ultrasonic bath")
+    ],
+    "plan.no_microwave": lambda facts: [
+        DrawableChange("attach", str(facts["vessel"]), "microwave")
+    ],
     "plan.no_condenser": _condenser,
     "plan.no_sensor": lambda facts: [
-        Change("attach_sensor", str(facts["vessel"]), str(facts["quantity"]))
+        DrawableChange("attach_sensor", str(facts["vessel"]), str(facts["quantity"]))
     ],
 }

@@ -10,11 +10,11 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.rig.node_classes import chemputer_sort
 from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.graph.rig.rig_read import read_rig
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 
 PUMP_ML = 25
 """Syringe of a pump that is added.
@@ -32,7 +32,7 @@ _DRY = "(,)"
 
 
 @dataclass(frozen=True, slots=True)
-class Port:
+class DrawnPort:
     """A port of a valve or vessel."""
 
     key: str
@@ -43,7 +43,7 @@ class Port:
 
 
 @dataclass(frozen=True, slots=True)
-class Done:
+class ChangeDrawn:
     """One change as it was drawn."""
 
     kind: str
@@ -69,7 +69,7 @@ class Drawing:
 
         self._rig: Rig | None = None
         self.graph: dict[str, Any] = deepcopy(dict(graph))
-        self.done: list[Done] = []
+        self.done: list[ChangeDrawn] = []
         self.cost = 0
         """Devices that were added or exchanged."""
 
@@ -116,20 +116,20 @@ class Drawing:
         self.nodes[key].update(fields)
         self._rig = None
 
-    def lay(self, source: Port, target: Port, *, both: bool = False) -> None:
+    def lay(self, source: DrawnPort, target: DrawnPort, *, both: bool = False) -> None:
         """Lay a tube; `both`: it conducts both ways."""
         pairs = [(source, target), (target, source)] if both else [(source, target)]
         for one, other in pairs:
             self._link(one.key, other.key, f"({one.port},{other.port})")
 
-    def lay_gas(self, source: Port, target: Port, *, both: bool = False) -> None:
+    def lay_gas(self, source: DrawnPort, target: DrawnPort, *, both: bool = False) -> None:
         """Lay a tube for gas or vacuum."""
         self.lay(source, target, both=both)
 
-    def gas_place(self, vessel: str) -> Port | None:
+    def gas_place(self, vessel: str) -> DrawnPort | None:
         """Return where a tube for gas may be joined to a vessel."""
-        is_filter = Equipment(self.rig()).sort(vessel) is Sort.FILTER
-        return Port(vessel, "bottom") if is_filter else self.free_port_of(vessel)
+        is_filter = Equipment(self.rig()).sort(vessel) is VesselSort.FILTER
+        return DrawnPort(vessel, "bottom") if is_filter else self.free_port_of(vessel)
 
     def vacuum_lines(self) -> list[str]:
         """Return the vacuum lines that a valve can be joined to, by id."""
@@ -174,7 +174,7 @@ class Drawing:
 
     def say(self, kind: str, text: Callable[[], str], *adds: str) -> None:
         """Note what was changed."""
-        self.done.append(Done(kind, text, adds))
+        self.done.append(ChangeDrawn(kind, text, adds))
 
     def size(self, key: str) -> str:
         """Return how large a vessel is, as text in front of its name."""
@@ -187,14 +187,14 @@ class Drawing:
         out = {tube.source_port for tube in rig.tubes if tube.source == key}
         return out | {tube.target_port for tube in rig.tubes if tube.target == key}
 
-    def free_port_of(self, vessel: str) -> Port | None:
+    def free_port_of(self, vessel: str) -> DrawnPort | None:
         """Return a port of a vessel that has no tube; None: all have one."""
         sort = chemputer_sort(str(self.nodes[vessel].get("class")))
         names = sorted((sort and sort.ports) or {"0", "1", "2", "3"})
         used = self.used(vessel)
-        return next((Port(vessel, name) for name in names if name not in used), None)
+        return next((DrawnPort(vessel, name) for name in names if name not in used), None)
 
-    def vacant_port(self, valve: str = "", but_not: str = "") -> Port | None:
+    def vacant_port(self, valve: str = "", but_not: str = "") -> DrawnPort | None:
         """Return a port without a tube, of one valve or of the backbone; None: there is none.
 
         The valve with the most free ports comes first, so that tubes are spread.
@@ -204,13 +204,13 @@ class Drawing:
             key: [p for p in self.valve_ports(key) if p not in self.used(key)] for key in valves
         }
         best = min(free, key=lambda key: (-len(free[key]), key), default=None)
-        return Port(best, free[best][0]) if best is not None and free[best] else None
+        return DrawnPort(best, free[best][0]) if best is not None and free[best] else None
 
     def valve_ports(self, _key: str) -> tuple[str, ...]:
         """Return the ports of a valve beside the common one."""
         return _VALVE_PORTS
 
-    def free_port(self, *, but_not: str = "") -> Port | None:
+    def free_port(self, *, but_not: str = "") -> DrawnPort | None:
         """Return a free port of the backbone, made by one more valve where there is none."""
         return self.vacant_port(but_not=but_not) or self.longer(but_not)
 
@@ -219,7 +219,7 @@ class Drawing:
         equipment = Equipment(self.rig())
         for key, sort in equipment.vessels.items():
             chemical = equipment.chemical(key)
-            is_idle = sort is Sort.FLASK and chemical and not {key, chemical} & self._wanted
+            is_idle = sort is VesselSort.FLASK and chemical and not {key, chemical} & self._wanted
             if is_idle and key not in self.added:
                 return key
         return None
@@ -236,14 +236,17 @@ class Drawing:
                 (tube.source, tube.source_port, tube.target),
                 (tube.target, tube.target_port, tube.source),
             ):
-                if roles[own] is Role.VALVE and roles[far] is Role.VALVE:
+                if roles[own] is ElementRole.VALVE and roles[far] is ElementRole.VALVE:
                     near.setdefault(own, set()).add(far)
-                if (roles[own], roles[far]) == (Role.VALVE, Role.PUMP) and port == common[own]:
+                if (roles[own], roles[far]) == (
+                    ElementRole.VALVE,
+                    ElementRole.PUMP,
+                ) and port == common[own]:
                     pumped.add(own)
         parts = list(_parts(sorted(pumped), near))
         return max(parts, key=len, default=[])
 
-    def longer(self, but_not: str = "") -> Port | None:
+    def longer(self, but_not: str = "") -> DrawnPort | None:
         """Put one more valve with a pump in place of a flask, which moves to the new valve."""
         found = self._movable(but_not)
         if found is None:
@@ -251,17 +254,17 @@ class Drawing:
         flask, place = found
         valve = self.add("valve_more", "ChemputerValve", type="valve")
         pump = self.add("pump_more", "ChemputerPump", type="pump", max_volume=PUMP_ML)
-        self.lay(Port(pump, "0"), Port(valve, self.common), both=True)
+        self.lay(DrawnPort(pump, "0"), DrawnPort(valve, self.common), both=True)
         first, second, *_, last = self.valve_ports(valve)
-        self._move_tubes(flask, place, Port(valve, first))
-        self.lay(place, Port(valve, last), both=True)
+        self._move_tubes(flask, place, DrawnPort(valve, first))
+        self.lay(place, DrawnPort(valve, last), both=True)
         text = f"Put valve {valve} with pump {pump} ({PUMP_ML} mL) at {place}"
         if flask not in self.added:
-            text += f", where {flask} is; {flask} moves to {Port(valve, first)}"
+            text += f", where {flask} is; {flask} moves to {DrawnPort(valve, first)}"
         self.say("add_valve", lambda: text, valve, pump)
-        return Port(valve, second)
+        return DrawnPort(valve, second)
 
-    def _move_tubes(self, flask: str, old: Port, new: Port) -> None:
+    def _move_tubes(self, flask: str, old: DrawnPort, new: DrawnPort) -> None:
         """Lead the tubes between a flask and a valve to another valve."""
         for link in self.links:
             for end, far, side in (("source", "target", 0), ("target", "source", 1)):
@@ -271,18 +274,18 @@ class Drawing:
                     link |= {end: new.key, "port": f"({ports[0]},{ports[1]})"}
                     link.pop(f"{end}Internal", None)
 
-    def _movable(self, but_not: str) -> tuple[str, Port] | None:
+    def _movable(self, but_not: str) -> tuple[str, DrawnPort] | None:
         """Return a flask with one tube to a valve of the backbone, and that port of the valve."""
         rig = self.rig()
         valves = [key for key in self.backbone() if key != but_not]
-        ends: dict[str, set[Port]] = {}
-        busy: Counter[Port] = Counter()
+        ends: dict[str, set[DrawnPort]] = {}
+        busy: Counter[DrawnPort] = Counter()
         for tube in rig.tubes:
             for own, far, port in (
                 (tube.source, tube.target, tube.target_port),
                 (tube.target, tube.source, tube.source_port),
             ):
-                ends.setdefault(own, set()).add(Port(far, port))
+                ends.setdefault(own, set()).add(DrawnPort(far, port))
         for own, places in ends.items():
             busy.update(places if self.nodes[own].get("class") else ())
         for key, node in sorted(self.nodes.items()):

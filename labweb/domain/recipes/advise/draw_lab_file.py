@@ -12,7 +12,7 @@ from typing import Any
 
 from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.graph.rig.lab_as_rig import COMMON_PORT
-from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing, NotDrawnError, Port
+from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing, DrawnPort, NotDrawnError
 from labweb.domain.recipes.on_rig.equipment import COLLECT, GASES
 from labweb.domain.resources.resource_kinds import VACUUMS
 
@@ -157,14 +157,14 @@ class LabDrawing(Drawing):
             and link["medium"] == Medium.GAS.value
         )
 
-    def lay_gas(self, source: Port, target: Port, *, both: bool = False) -> None:
+    def lay_gas(self, source: DrawnPort, target: DrawnPort, *, both: bool = False) -> None:
         """Lay a tube for gas."""
         # What a valve is led to a vacuum by carries both ways.
         is_vacuum = self._entries[target.key]["kind"] in VACUUMS
         ends = self._gas_end(source), self._gas_end(target)
         self._connection(*ends, Medium.GAS, is_two_way=both or is_vacuum)
 
-    def _gas_end(self, port: Port) -> dict[str, str]:
+    def _gas_end(self, port: DrawnPort) -> dict[str, str]:
         entry = self._entries[port.key]
         if entry["kind"] in VACUUMS:
             return {"resource": port.key, "port": "inlet"}
@@ -172,13 +172,13 @@ class LabDrawing(Drawing):
             return {"resource": port.key, "port": "outlet"}
         return {"resource": port.key, "port": port.port}
 
-    def gas_place(self, vessel: str) -> Port:
+    def gas_place(self, vessel: str) -> DrawnPort:
         """Return where a tube for gas may be joined to a vessel."""
         used, number, name = self.used(vessel), 1, _GAS
         while name in used:
             number += 1
             name = f"{_GAS}_{number}"
-        return Port(vessel, name)
+        return DrawnPort(vessel, name)
 
     def vacuum_lines(self) -> list[str]:
         """Return the vacuums that a valve is joined to: no flask has them to itself."""
@@ -248,7 +248,7 @@ class LabDrawing(Drawing):
         parent: str | None = valves[0]["parent"] if valves else self.graph["resources"][0]["key"]
         return parent
 
-    def lay(self, source: Port, target: Port, *, both: bool = False) -> None:
+    def lay(self, source: DrawnPort, target: DrawnPort, *, both: bool = False) -> None:
         """Lay a tube; `both`: it conducts both ways."""
         self._connect(source, target, Medium.LIQUID, is_two_way=both)
 
@@ -257,9 +257,13 @@ class LabDrawing(Drawing):
         kind = self._entries[device]["kind"]
         word = next(word for word in _WORDS.values() if word.kind == kind)
         port = f"{word.port}_{device}" if word.port in self.used(vessel) else word.port
-        self._connect(Port(device, word.port), Port(vessel, port), word.medium, is_two_way=True)
+        self._connect(
+            DrawnPort(device, word.port), DrawnPort(vessel, port), word.medium, is_two_way=True
+        )
 
-    def _connect(self, source: Port, target: Port, medium: Medium, *, is_two_way: bool) -> None:
+    def _connect(
+        self, source: DrawnPort, target: DrawnPort, medium: Medium, *, is_two_way: bool
+    ) -> None:
         self._connection(self._end(source), self._end(target), medium, is_two_way=is_two_way)
 
     def _connection(
@@ -272,10 +276,10 @@ class LabDrawing(Drawing):
         )
         self._rig = None
 
-    def _end(self, port: Port) -> dict[str, str]:
+    def _end(self, port: DrawnPort) -> dict[str, str]:
         """Return an end of a connection; port 0 of a vessel is its next tube."""
         if port.port == COLLECT:
-            port = Port(self._receiver(port.key), "0")
+            port = DrawnPort(self._receiver(port.key), "0")
         kind = self._entries[port.key]["kind"]
         name = port.port
         if kind == "syringe_pump":
@@ -284,12 +288,12 @@ class LabDrawing(Drawing):
             name = self.free_port_of(port.key).port
         return {"resource": port.key, "port": name}
 
-    def free_port_of(self, vessel: str) -> Port:
+    def free_port_of(self, vessel: str) -> DrawnPort:
         """Return the next port for a tube: a vessel of a lab has as many as tubes dip into it."""
         used, number = self.used(vessel), 1
         while f"{_TUBE}{number}" in used:
             number += 1
-        return Port(vessel, f"{_TUBE}{number}")
+        return DrawnPort(vessel, f"{_TUBE}{number}")
 
     def used(self, key: str) -> set[str]:
         """Return the ports of a resource that something is joined to."""
@@ -306,7 +310,7 @@ class LabDrawing(Drawing):
     def idle_flask(self) -> None:
         """Return none: what is in a flask of a lab is somebody's."""
 
-    def _move_tubes(self, flask: str, old: Port, new: Port) -> None:
+    def _move_tubes(self, flask: str, old: DrawnPort, new: DrawnPort) -> None:
         for link in self.links:
             for end, far in (("source", "target"), ("target", "source")):
                 here = link[end]
@@ -314,7 +318,7 @@ class LabDrawing(Drawing):
                     link[end] = {"resource": new.key, "port": new.port}
         self._rig = None
 
-    def _movable(self, but_not: str) -> tuple[str, Port] | None:
+    def _movable(self, but_not: str) -> tuple[str, DrawnPort] | None:
         """As for any graph, but of flasks that no driver speaks of."""
         bound = {
             key for device in self.graph.get("devices", ()) for key in device["nodes"].values()

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from labweb.domain.graph.elements import NL_PER_ML, Role
+from labweb.domain.graph.elements import NL_PER_ML, ElementRole
 from labweb.domain.graph.lab_file.uni_lab_os.node_liquid import nl_per_unit
 from labweb.domain.graph.rig.nodes_as_elements import element_of
-from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing, NotDrawnError, Port
+from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing, DrawnPort, NotDrawnError
 from labweb.domain.recipes.on_rig.equipment import COLLECT, GASES, size_nl
 from labweb.domain.resources.exact_volumes import from_nl
 
@@ -137,7 +137,7 @@ class UniDrawing(Drawing):
             held[0]["liquid_volume"] = size_ml
         self._rig = None
 
-    def lay(self, source: Port, target: Port, *, both: bool = False) -> None:  # noqa: ARG002
+    def lay(self, source: DrawnPort, target: DrawnPort, *, both: bool = False) -> None:  # noqa: ARG002
         """Lay a tube; here each conducts both ways."""
         self._join(source.key, target.key, "fluid", (self._end(source), self._end(target)))
 
@@ -156,7 +156,7 @@ class UniDrawing(Drawing):
         self.links.append(ends | {"port": {source: ports[0], target: ports[1]}})
         self._rig = None
 
-    def _end(self, port: Port) -> str:
+    def _end(self, port: DrawnPort) -> str:
         """Return the port as such a graph calls it: a container has one for all its tubes."""
         class_ = self.nodes[port.key]["class"]
         if port.port in _NAMED or _is_valve({"class": class_}):
@@ -164,17 +164,17 @@ class UniDrawing(Drawing):
         word = _BY_CLASS.get(class_)
         return port.port if word is None else word.port
 
-    def free_port_of(self, vessel: str) -> Port:
+    def free_port_of(self, vessel: str) -> DrawnPort:
         """Return the port of a vessel that tubes are joined to; it takes several."""
-        return Port(vessel, _TOP)
+        return DrawnPort(vessel, _TOP)
 
-    def gas_place(self, vessel: str) -> Port:
+    def gas_place(self, vessel: str) -> DrawnPort:
         """Return where a tube for gas is joined to a vessel."""
-        return Port(vessel, _TOP)
+        return DrawnPort(vessel, _TOP)
 
     def vacuum_lines(self) -> list[str]:
         """Return the vacuum pumps that a valve can be joined to."""
-        return sorted(e.key for e in self.rig().elements if e.role is Role.VACUUM)
+        return sorted(e.key for e in self.rig().elements if e.role is ElementRole.VACUUM)
 
     def new_vacuum(self, vessel: str) -> tuple[str, ...]:
         """Add a vacuum pump, which is a line by itself."""
@@ -200,7 +200,7 @@ class UniDrawing(Drawing):
         is_full = bool((self._entries[key].get("data") or {}).get("liquid"))
         return f"{found}, full," if found and is_full and key in self.added else found
 
-    def _move_tubes(self, flask: str, old: Port, new: Port) -> None:
+    def _move_tubes(self, flask: str, old: DrawnPort, new: DrawnPort) -> None:
         for link in self.links:
             ends = {str(link["source"]), str(link["target"])}
             if ends == {old.key, flask} and isinstance(link.get("port"), Mapping):

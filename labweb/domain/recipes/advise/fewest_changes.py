@@ -14,8 +14,8 @@ from labweb.domain.proof.prove_plan import find_unproved
 from labweb.domain.recipes.advise.changes_for_finding import cures
 from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing
 from labweb.domain.recipes.advise.drawable_formats import draw_rig
-from labweb.domain.recipes.advise.rig_changes import Change
-from labweb.domain.recipes.recipe_to_plan import Wish, compile_recipe
+from labweb.domain.recipes.advise.rig_changes import DrawableChange
+from labweb.domain.recipes.recipe_to_plan import CompileWish, compile_recipe
 from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
 
 MOST_TRIALS = 100
@@ -24,7 +24,7 @@ MOST_TRIALS = 100
 MOST_S = 10.0
 """Longest that somebody waits for one: no rig is tried after it."""
 
-Changes = tuple[Change, ...]
+Changes = tuple[DrawableChange, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Advice:
 
 
 def advise(
-    recipe: Recipe, rig: Rig, wish: Wish | None = None, clock: Clock | None = None
+    recipe: Recipe, rig: Rig, wish: CompileWish | None = None, clock: Clock | None = None
 ) -> Advice | list[Finding]:
     """Find the changes that make a recipe fit a rig, with the fewest new devices.
 
@@ -70,11 +70,11 @@ def advise(
     if draw_rig(rig) is None:
         message = "nothing in this graph is joined to anything: no advice is drawn into it"
         return [Finding("plan.no_advice", message)]
-    return _Search(recipe, rig, wish or Wish(), clock).run()
+    return _Search(recipe, rig, wish or CompileWish(), clock).run()
 
 
 class _Search:
-    def __init__(self, recipe: Recipe, rig: Rig, wish: Wish, clock: Clock | None) -> None:
+    def __init__(self, recipe: Recipe, rig: Rig, wish: CompileWish, clock: Clock | None) -> None:
         self._recipe, self._rig, self._wish = recipe, rig, wish
         self._clock = clock
         self._begun_s = 0.0 if clock is None else clock.monotonic_s()
@@ -145,8 +145,8 @@ class _Search:
         if wrong:
             self._stuck = wrong
             return []
-        forced: list[Change] = []
-        several: list[Change] = []
+        forced: list[DrawableChange] = []
+        several: list[DrawableChange] = []
         stuck = []
         for finding in findings:
             found = [one for one in cures(finding) if _merged(before, (one,)) != before]
@@ -192,7 +192,7 @@ def _merged(before: Changes, more: Changes) -> Changes:
     What no waste takes goes into one new one; each liquid that none may get beside what is in it,
     into another.
     """
-    found: dict[tuple[str, str, object], Change] = {}
+    found: dict[tuple[str, str, object], DrawableChange] = {}
     for change in (*before, *more):
         is_shared = change.kind in ("enlarge", "attach_thermostat", "add_waste")
         key = (change.kind, change.subject, None if is_shared else change.value)

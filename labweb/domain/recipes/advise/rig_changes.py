@@ -8,25 +8,30 @@ from dataclasses import dataclass
 from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.recipes.advise.add_cartridge import add_cartridge, move_cartridge
 from labweb.domain.recipes.advise.add_waste import add_waste
-from labweb.domain.recipes.advise.draw_chemputer_graph import Drawing, NotDrawnError, Port, size_for
-from labweb.domain.recipes.on_rig.equipment import INERT, Equipment, Sort
+from labweb.domain.recipes.advise.draw_chemputer_graph import (
+    Drawing,
+    DrawnPort,
+    NotDrawnError,
+    size_for,
+)
+from labweb.domain.recipes.on_rig.equipment import INERT, Equipment, VesselSort
 
 FIRST_ML = 100
 """Size of a vessel that is added, unless more comes into it."""
 
 _CLASSES = {
-    Sort.REACTOR: ("ChemputerReactor", "reactor"),
-    Sort.FILTER: ("ChemputerFilter", "filter"),
-    Sort.SEPARATOR: ("ChemputerSeparator", "separator"),
-    Sort.ROTAVAP: ("IKARV10", "rotavap"),
-    Sort.FLASK: ("ChemputerFlask", "flask"),
-    Sort.WASTE: ("ChemputerWaste", "waste"),
+    VesselSort.REACTOR: ("ChemputerReactor", "reactor"),
+    VesselSort.FILTER: ("ChemputerFilter", "filter"),
+    VesselSort.SEPARATOR: ("ChemputerSeparator", "separator"),
+    VesselSort.ROTAVAP: ("IKARV10", "rotavap"),
+    VesselSort.FLASK: ("ChemputerFlask", "flask"),
+    VesselSort.WASTE: ("ChemputerWaste", "waste"),
 }
 _ROOM_C = 25.0
 _NEW = frozenset({"add_flask", "add_vessel", "add_cartridge", "add_waste"})
 """Changes whose subject is not in the graph before."""
 
-_TWO_WAY = {Sort.REACTOR: "0", Sort.SEPARATOR: "bottom", Sort.FLASK: "0"}
+_TWO_WAY = {VesselSort.REACTOR: "0", VesselSort.SEPARATOR: "bottom", VesselSort.FLASK: "0"}
 ATTACHED = {
     "stirrer": "HeiTORQUE_100",
     "lamp": "Lamp",
@@ -38,7 +43,7 @@ ATTACHED = {
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class DrawableChange:
     """One change, before it is known where there is room for it."""
 
     kind: str
@@ -63,7 +68,9 @@ class Change:
     @property
     def is_named(self) -> bool:
         """Tell whether the recipe itself names what is added, or how much comes into it."""
-        is_any = not self.subject or self.value == Sort.WASTE.value or self.kind == "add_waste"
+        is_any = (
+            not self.subject or self.value == VesselSort.WASTE.value or self.kind == "add_waste"
+        )
         return self.kind in _NEW | {"enlarge"} and not is_any
 
     def draw(self, drawing: Drawing) -> bool:
@@ -75,7 +82,7 @@ class Change:
             return False
 
 
-def _add_flask(drawing: Drawing, change: Change) -> bool:
+def _add_flask(drawing: Drawing, change: DrawableChange) -> bool:
     """Draw a flask of a reagent, or an empty one that gives back what it is given.
 
     Where no port is free, a reagent takes the place of one that the recipe does not use.
@@ -90,7 +97,7 @@ def _add_flask(drawing: Drawing, change: Change) -> bool:
         return False
     fields = {"type": "flask", "chemical": name, "max_volume": FIRST_ML, "current_volume": 0}
     key = drawing.add(f"flask_{name}" if name else "flask_buffer", "ChemputerFlask", **fields)
-    drawing.lay(Port(key, "0"), port, both=not name)
+    drawing.lay(DrawnPort(key, "0"), port, both=not name)
     what = f"for {name}" if name else "that stays empty"
 
     def text() -> str:
@@ -113,14 +120,14 @@ def _swap_flask(drawing: Drawing, key: str, name: str) -> bool:
     return True
 
 
-def _add_vessel(drawing: Drawing, change: Change) -> bool:
-    sort = Sort(str(change.value))
+def _add_vessel(drawing: Drawing, change: DrawableChange) -> bool:
+    sort = VesselSort(str(change.value))
     class_, type_ = _CLASSES[sort]
     port = drawing.free_port()
     if port is None:
         return False
     fields: dict[str, object] = {"type": type_, "max_volume": FIRST_ML, "current_volume": 0}
-    if sort is Sort.FLASK:
+    if sort is VesselSort.FLASK:
         fields["chemical"] = ""
     key = drawing.add(change.subject, class_, **fields)
     if not _join_vessel(drawing, sort, key, port):
@@ -136,18 +143,18 @@ def _add_vessel(drawing: Drawing, change: Change) -> bool:
     return True
 
 
-def _join_vessel(drawing: Drawing, sort: Sort, key: str, port: Port) -> bool:
-    if sort is Sort.WASTE:
-        drawing.lay(port, Port(key, "0"))
+def _join_vessel(drawing: Drawing, sort: VesselSort, key: str, port: DrawnPort) -> bool:
+    if sort is VesselSort.WASTE:
+        drawing.lay(port, DrawnPort(key, "0"))
     elif sort in _TWO_WAY:
-        drawing.lay(Port(key, _TWO_WAY[sort]), port, both=True)
+        drawing.lay(DrawnPort(key, _TWO_WAY[sort]), port, both=True)
     else:
-        is_filter = sort is Sort.FILTER
-        drawing.lay(port, Port(key, "top" if is_filter else "evaporate"), both=not is_filter)
+        is_filter = sort is VesselSort.FILTER
+        drawing.lay(port, DrawnPort(key, "top" if is_filter else "evaporate"), both=not is_filter)
         other = drawing.free_port()
         if other is None:
             return False
-        drawing.lay(Port(key, "bottom" if is_filter else "collect"), other)
+        drawing.lay(DrawnPort(key, "bottom" if is_filter else "collect"), other)
     return True
 
 
@@ -158,13 +165,13 @@ def _places(drawing: Drawing, key: str) -> str:
         if tube.medium is not Medium.LIQUID:
             continue
         if tube.source == key and tube.target_port:
-            found.append(f"{Port(tube.target, tube.target_port)} ({tube.source_port})")
+            found.append(f"{DrawnPort(tube.target, tube.target_port)} ({tube.source_port})")
         elif tube.target == key and tube.source_port:
-            found.append(f"{Port(tube.source, tube.source_port)} ({tube.target_port})")
+            found.append(f"{DrawnPort(tube.source, tube.source_port)} ({tube.target_port})")
     return " and ".join(sorted(set(found)))
 
 
-def _enlarge(drawing: Drawing, change: Change) -> bool:
+def _enlarge(drawing: Drawing, change: DrawableChange) -> bool:
     """Give a vessel the smallest common size that holds what comes into it."""
     key, size_ml = change.subject, size_for(change.amount)
     if size_ml is None:
@@ -178,7 +185,7 @@ def _enlarge(drawing: Drawing, change: Change) -> bool:
     return True
 
 
-def _attach(drawing: Drawing, change: Change) -> bool:
+def _attach(drawing: Drawing, change: DrawableChange) -> bool:
     what, vessel = str(change.value), change.subject
     key = drawing.add(f"{what.replace(' ', '_')}_{vessel}", ATTACHED[what], type=what)
     drawing.attach(key, vessel)
@@ -186,7 +193,7 @@ def _attach(drawing: Drawing, change: Change) -> bool:
     return True
 
 
-def _attach_condenser(drawing: Drawing, change: Change) -> bool:
+def _attach_condenser(drawing: Drawing, change: DrawableChange) -> bool:
     vessel, target = change.subject, str(change.value)
     key = drawing.add(f"condenser_{vessel}", ATTACHED["condenser"], type="condenser")
     drawing.attach(key, vessel)
@@ -196,7 +203,7 @@ def _attach_condenser(drawing: Drawing, change: Change) -> bool:
     return True
 
 
-def _attach_sensor(drawing: Drawing, change: Change) -> bool:
+def _attach_sensor(drawing: Drawing, change: DrawableChange) -> bool:
     quantity, vessel = str(change.value), change.subject
     key = drawing.add(f"sensor_{quantity}_{vessel}", f"{quantity}Sensor", type="sensor")
     drawing.attach(key, vessel)
@@ -216,7 +223,7 @@ _THERMOSTATS = (
 """What a thermostat is drawn as, and what such a class reaches (`on_rig.equipment`)."""
 
 
-def _attach_thermostat(drawing: Drawing, change: Change) -> bool:
+def _attach_thermostat(drawing: Drawing, change: DrawableChange) -> bool:
     """Draw one thermostat that reaches all temperatures, else one for warm and one for cold."""
     degrees = change.degrees
     is_one = any(low <= degrees[0] and degrees[-1] <= high for *_, low, high in _THERMOSTATS)
@@ -245,7 +252,7 @@ def _attach_one(drawing: Drawing, vessel: str, degrees: tuple[float, ...]) -> No
     drawing.say("attach", lambda: text, key)
 
 
-def _join_gas(drawing: Drawing, change: Change) -> bool:
+def _join_gas(drawing: Drawing, change: DrawableChange) -> bool:
     equipment = Equipment(drawing.rig())
     gases = {str(change.value)} if change.value else INERT
     wanted = max(gases)
@@ -257,16 +264,16 @@ def _join_gas(drawing: Drawing, change: Change) -> bool:
     port = _gas_port(drawing, change.subject)
     if port is None:
         return False
-    drawing.lay_gas(Port(source, "0"), port)
+    drawing.lay_gas(DrawnPort(source, "0"), port)
     text = f"Lead {wanted if is_new else equipment.gas(source)} from {source} to {port}"
     drawing.say("join_gas", lambda: text, source if is_new else "")
     return True
 
 
-def _join_vacuum(drawing: Drawing, change: Change) -> bool:
+def _join_vacuum(drawing: Drawing, change: DrawableChange) -> bool:
     """Draw a vacuum line to a vessel: with a pump of its own, or from a line that is there."""
     vessel, equipment = change.subject, Equipment(drawing.rig())
-    is_rotavap = equipment.sort(vessel) is Sort.ROTAVAP
+    is_rotavap = equipment.sort(vessel) is VesselSort.ROTAVAP
     lines = drawing.vacuum_lines()
     if is_rotavap:
         if change.value != "own" and lines:
@@ -283,12 +290,12 @@ def _join_vacuum(drawing: Drawing, change: Change) -> bool:
     port = _gas_port(drawing, vessel)
     if port is None:
         return False
-    drawing.lay_gas(port, Port(line, "0"))
+    drawing.lay_gas(port, DrawnPort(line, "0"))
     drawing.say("join_vacuum", lambda: f"Lead {what} to {port}", *adds)
     return True
 
 
-def _own_vacuum(drawing: Drawing, change: Change) -> bool:
+def _own_vacuum(drawing: Drawing, change: DrawableChange) -> bool:
     """Give a vessel that shares a vacuum pump one of its own."""
     vessel, pump = change.subject, str(change.value)
     if not drawing.detach(pump, vessel):
@@ -300,7 +307,7 @@ def _own_vacuum(drawing: Drawing, change: Change) -> bool:
     return True
 
 
-def _gas_port(drawing: Drawing, vessel: str) -> Port | None:
+def _gas_port(drawing: Drawing, vessel: str) -> DrawnPort | None:
     """Return a free port of the valve for gas at a vessel, which is added where there is none."""
     rig, backbone = drawing.rig(), set(drawing.backbone())
     common = {element.key: element.common_port for element in rig.elements}
@@ -317,20 +324,20 @@ def _gas_port(drawing: Drawing, vessel: str) -> Port | None:
     if place is None:
         return None
     valve = drawing.add(f"valve_gas_{vessel}", "ChemputerValve", type="valve")
-    drawing.lay_gas(Port(valve, drawing.common), place, both=True)
+    drawing.lay_gas(DrawnPort(valve, drawing.common), place, both=True)
     text = f"Add valve {valve} for gas and vacuum, with its common port at {place}"
     drawing.say("add_valve", lambda: text, valve)
-    return Port(valve, drawing.valve_ports(valve)[0])
+    return DrawnPort(valve, drawing.valve_ports(valve)[0])
 
 
-def _add_receiver(drawing: Drawing, change: Change) -> bool:
+def _add_receiver(drawing: Drawing, change: DrawableChange) -> bool:
     """Draw the flask that vapour condenses in, with a tube to drain it."""
     vessel = change.subject
     key = drawing.add_receiver(vessel)
     port = drawing.free_port()
     if port is None:
         return False
-    drawing.lay(Port(key, "0"), port, both=True)
+    drawing.lay(DrawnPort(key, "0"), port, both=True)
 
     def text() -> str:
         where = f"behind the condenser of {vessel}, with a tube to {port}"
@@ -340,12 +347,12 @@ def _add_receiver(drawing: Drawing, change: Change) -> bool:
     return True
 
 
-def _join(drawing: Drawing, change: Change) -> bool:
+def _join(drawing: Drawing, change: DrawableChange) -> bool:
     """Lay a tube between a vessel and the backbone, out of it or into it."""
     vessel, equipment, port = change.subject, Equipment(drawing.rig()), drawing.free_port()
     element = equipment.elements[vessel]
     name = element.leave_by if change.value == "out" else element.enter_by
-    place = Port(vessel, name) if name is not None else drawing.free_port_of(vessel)
+    place = DrawnPort(vessel, name) if name is not None else drawing.free_port_of(vessel)
     if port is None or place is None:
         return False
     ends = (place, port) if change.value == "out" else (port, place)
@@ -355,7 +362,7 @@ def _join(drawing: Drawing, change: Change) -> bool:
     return True
 
 
-_DRAW: dict[str, Callable[[Drawing, Change], bool]] = {
+_DRAW: dict[str, Callable[[Drawing, DrawableChange], bool]] = {
     "add_flask": _add_flask,
     "add_vessel": _add_vessel,
     "add_waste": lambda drawing, change: add_waste(drawing, change.streams),

@@ -10,7 +10,7 @@ from uuid import UUID
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.lab_file.apply_binding import apply_binding
-from labweb.domain.graph.lab_file.binding_file import Binding
+from labweb.domain.graph.lab_file.binding_file import BindingFile
 from labweb.domain.graph.lab_file.lab_json_read import read_decoded
 from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
@@ -39,7 +39,7 @@ class Format(StrEnum):
     """Graph of a Chemputer, node-link JSON or GraphML."""
 
 
-class Document:
+class LabDocument:
     """A lab file that was decoded once, and whose format is known."""
 
     def __init__(self, raw: bytes, name: str) -> None:
@@ -82,7 +82,7 @@ class Document:
             return read_decoded(self._value)
         return read_uni_lab_os(self._raw, self._name)
 
-    def bound(self, binding: Binding) -> tuple[LabFile, tuple[Finding, ...]]:
+    def bound(self, binding: BindingFile) -> tuple[LabFile, tuple[Finding, ...]]:
         """Read it, and give it the kinds and devices of a binding.
 
         Returns:

@@ -26,7 +26,7 @@ _PRINTABLE = re.compile(r"[^\x00-\x1f\x7f]+")
 
 
 @dataclass(frozen=True)
-class Reader:
+class JsonReader:
     """One object of a file, and where it stands in it."""
 
     value: Mapping[str, Any]
@@ -131,16 +131,16 @@ class Reader:
             return Vector(0.0, 0.0, 0.0)
         return Vector(*(inner.number(axis, -FARTHEST_MM) for axis in ("x", "y", "z")))
 
-    def object(self, key: str) -> Reader | None:
+    def object(self, key: str) -> JsonReader | None:
         """Return a reader of an inner object, or None and a finding."""
         found = self._get(key, Mapping, "object")
         return None if found is None else self._inner(found, key)
 
-    def optional_object(self, key: str) -> Reader:
+    def optional_object(self, key: str) -> JsonReader:
         """Return a reader of an inner object; an empty one where nothing is said."""
         return (self.object(key) if self.has(key) else None) or self._inner({}, key)
 
-    def objects(self, key: str, most: int) -> Iterator[Reader]:
+    def objects(self, key: str, most: int) -> Iterator[JsonReader]:
         """Yield readers of the objects of a list."""
         found = self._get(key, list, "list") or []
         if len(found) > most:
@@ -152,7 +152,7 @@ class Reader:
             else:
                 self.refuse("labware.field", "is no object", f"{key}[{place}]")
 
-    def entries(self, key: str, most: int) -> Iterator[tuple[str, Reader]]:
+    def entries(self, key: str, most: int) -> Iterator[tuple[str, JsonReader]]:
         """Yield name and reader of the objects of an object."""
         inner = self.object(key)
         if inner is None:
@@ -168,8 +168,8 @@ class Reader:
             elif (found := inner.object(name)) is not None:
                 yield name, found
 
-    def _inner(self, value: Mapping[str, Any], key: str) -> Reader:
-        return Reader(value, f"{self.path}.{key}" if self.path else key, self.findings)
+    def _inner(self, value: Mapping[str, Any], key: str) -> JsonReader:
+        return JsonReader(value, f"{self.path}.{key}" if self.path else key, self.findings)
 
     def done(self, what: str) -> None:
         """Refuse the whole file when anything of it was found wrong.
@@ -187,7 +187,7 @@ class Reader:
             )
 
 
-def open_reader(value: object, what: str) -> Reader:
+def open_reader(value: object, what: str) -> JsonReader:
     """Return a reader of the outermost value of a file.
 
     Raises:
@@ -196,4 +196,4 @@ def open_reader(value: object, what: str) -> Reader:
     if not isinstance(value, Mapping):
         finding = Finding("labware.field", f"{what} is no object")
         raise DefinitionError(finding.message, code="labware.invalid", findings=[finding])
-    return Reader(value, "")
+    return JsonReader(value, "")

@@ -8,9 +8,9 @@ from uuid import UUID
 
 from labweb.domain.errors import DefinitionError, Finding
 from labweb.domain.resources.labware.labware_definition import LabwareDefinition
-from labweb.domain.resources.labware.labware_parts import Part, walk
+from labweb.domain.resources.labware.labware_parts import LabwarePart, walk
 from labweb.domain.resources.labware.labware_resources import (
-    Identity,
+    LabwareIdentity,
     deck_resources,
     labware_resources,
     part_resources,
@@ -31,7 +31,7 @@ class LabwareFile:
 
     format: str
     label: str
-    content: LabwareDefinition | DeckDefinition | Part
+    content: LabwareDefinition | DeckDefinition | LabwarePart
     notes: tuple[Finding, ...] = ()
 
 
@@ -60,7 +60,11 @@ def read_labware(value: object) -> LabwareFile:
 
 
 def resources_of(
-    file: LabwareFile, identity: Identity, id_of: Callable[[str], UUID], *, is_full: bool = False
+    file: LabwareFile,
+    identity: LabwareIdentity,
+    id_of: Callable[[str], UUID],
+    *,
+    is_full: bool = False,
 ) -> tuple[Resource, ...]:
     """Return the resources that a file describes, parents first.
 
@@ -81,6 +85,6 @@ def resources_of(
                 finding = Finding("labware.tips", f"{deck.label} is no tip rack", "tips")
                 raise DefinitionError(finding.message, code="labware.invalid", findings=[finding])
             return deck_resources(deck, identity, id_of)
-        case Part() as part:
+        case LabwarePart() as part:
             racks = [found.name for found, _ in walk(part) if found.kind == "tip_rack"]
             return part_resources(part, identity, id_of, full_racks=racks if is_full else ())

@@ -22,7 +22,7 @@ HERE = Pose(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Part:
+class LabwarePart:
     """One node of such a tree.
 
     Frame:
@@ -48,17 +48,17 @@ class Part:
     addresses: Mapping[str, str] = field(default_factory=dict)
     """Address of a child by the child's name, such as `A1`."""
 
-    children: tuple[Part, ...] = ()
+    children: tuple[LabwarePart, ...] = ()
 
 
-def walk(part: Part, above: Pose | None = HERE) -> Iterator[tuple[Part, Pose | None]]:
+def walk(part: LabwarePart, above: Pose | None = HERE) -> Iterator[tuple[LabwarePart, Pose | None]]:
     """Yield every part with its pose in the frame that the outermost one stands in.
 
     The pose is None for a part whose place nobody tells, and for all that stands in it. The
     outermost part may be without a place: it then stands at the origin.
     """
     pose = part.pose if part.pose is not None or above is not HERE else HERE
-    stack: list[tuple[Part, Pose | None]] = [(part, _placed(above, pose))]
+    stack: list[tuple[LabwarePart, Pose | None]] = [(part, _placed(above, pose))]
     while stack:
         current, at = stack.pop()
         yield current, at
@@ -69,7 +69,7 @@ def _placed(above: Pose | None, pose: Pose | None) -> Pose | None:
     return None if above is None or pose is None else compose(above, pose)
 
 
-def find_bottoms(part: Part) -> dict[str, Vector | None]:
+def find_bottoms(part: LabwarePart) -> dict[str, Vector | None]:
     """Return the middle of the bottom of every part, in the frame of the outermost one.
 
     A part whose place nobody tells has None.
@@ -77,7 +77,7 @@ def find_bottoms(part: Part) -> dict[str, Vector | None]:
     return {found.name: _bottom(found, pose) for found, pose in walk(part)}
 
 
-def _bottom(part: Part, pose: Pose | None) -> Vector | None:
+def _bottom(part: LabwarePart, pose: Pose | None) -> Vector | None:
     if pose is None:
         return None
     middle = (part.size.x_mm / 2, part.size.y_mm / 2, 0.0)
@@ -85,7 +85,7 @@ def _bottom(part: Part, pose: Pose | None) -> Vector | None:
     return corner.plus(Vector(*rotate(pose.rotation_wxyz, middle)))
 
 
-def definition_of(part: Part) -> LabwareDefinition:
+def definition_of(part: LabwarePart) -> LabwareDefinition:
     """Return the definition of one piece of labware that stands in such a tree.
 
     A lid on it is a thing of its own and left out.
@@ -131,7 +131,7 @@ def definition_of(part: Part) -> LabwareDefinition:
     return made
 
 
-def _well(part: Part, child: Part, findings: list[Finding]) -> WellDefinition | None:
+def _well(part: LabwarePart, child: LabwarePart, findings: list[Finding]) -> WellDefinition | None:
     address = part.addresses.get(child.name)
     if address is None:
         findings.append(Finding("labware.address", f"{child.name} has no address", child.name))

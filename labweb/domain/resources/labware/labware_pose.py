@@ -21,7 +21,7 @@ from labweb.domain.resources.labware.opentrons_seat import FLAT_LEFT, FLAT_RIGHT
 from labweb.domain.resources.pose import Pose, rotate
 
 
-class Anchor(StrEnum):
+class WellAnchor(StrEnum):
     """A height within a well, on its axis."""
 
     BOTTOM = "bottom"
@@ -155,7 +155,10 @@ def _no_seat(labware: LabwareDefinition, below: str) -> InfeasibleError:
 
 
 def well_position(
-    corner: Pose, well: WellDefinition, anchor: Anchor = Anchor.BOTTOM, offset: Vector = ZERO
+    corner: Pose,
+    well: WellDefinition,
+    anchor: WellAnchor = WellAnchor.BOTTOM,
+    offset: Vector = ZERO,
 ) -> Vector:
     """Return where a point of a well is in the frame in which the labware stands.
 
@@ -165,7 +168,7 @@ def well_position(
         anchor: Height on the axis of the well.
         offset: Shift from there, in the frame of the labware.
     """
-    share = {Anchor.BOTTOM: 0.0, Anchor.CENTER: 0.5, Anchor.TOP: 1.0}[anchor]
+    share = {WellAnchor.BOTTOM: 0.0, WellAnchor.CENTER: 0.5, WellAnchor.TOP: 1.0}[anchor]
     inside = well.bottom.plus(Vector(0.0, 0.0, share * well.depth_mm)).plus(offset)
     turned = Vector(*rotate(corner.rotation_wxyz, inside))
     return turned.plus(Vector(corner.x_mm, corner.y_mm, corner.z_mm))

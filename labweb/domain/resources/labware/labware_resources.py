@@ -16,7 +16,7 @@ from labweb.domain.resources.labware.labware_definition import (
     TipDefinition,
     WellDefinition,
 )
-from labweb.domain.resources.labware.labware_parts import Part, definition_of
+from labweb.domain.resources.labware.labware_parts import LabwarePart, definition_of
 from labweb.domain.resources.labware.opentrons_deck import DeckDefinition, Slot
 from labweb.domain.resources.labware.well_geometry import Cavity
 from labweb.domain.resources.pose import Pose
@@ -32,7 +32,7 @@ _UL = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identity:
+class LabwareIdentity:
     """Under which name a piece of labware is known in its lab."""
 
     id: UUID
@@ -73,7 +73,7 @@ def ids_in_labware(kinds: Mapping[str, str], ids: Mapping[str, UUID]) -> dict[st
 
 def labware_resources(
     definition: LabwareDefinition,
-    identity: Identity,
+    identity: LabwareIdentity,
     *,
     pose: Pose | None = None,
     has_tips: bool = False,
@@ -112,7 +112,7 @@ def labware_resources(
     return (labware, *inside)
 
 
-def _check(definition: LabwareDefinition, identity: Identity, *, has_tips: bool) -> None:
+def _check(definition: LabwareDefinition, identity: LabwareIdentity, *, has_tips: bool) -> None:
     longest = max((len(well.address) for well in definition.wells), default=0)
     _check_identity(identity, longest + len("Tip  of "))
     if has_tips and definition.tip is None:
@@ -120,7 +120,7 @@ def _check(definition: LabwareDefinition, identity: Identity, *, has_tips: bool)
         raise DefinitionError(finding.message, code="labware.invalid", findings=[finding])
 
 
-def _check_identity(identity: Identity, room_count: int = 0) -> None:
+def _check_identity(identity: LabwareIdentity, room_count: int = 0) -> None:
     """Refuse a key or a name that is none, or that leaves no room for what lies in it."""
     findings = [
         Finding("labware.text", f"the {what} {text[:40]!r} is empty or cannot be printed", what)
@@ -145,7 +145,7 @@ def _labware_config(definition: LabwareDefinition) -> dict[str, Any]:
 
 
 def _well(
-    definition: LabwareDefinition, kind: str, identity: Identity, well: WellDefinition
+    definition: LabwareDefinition, kind: str, identity: LabwareIdentity, well: WellDefinition
 ) -> Resource:
     return Resource(
         id=well_id(identity.id, well.address),
@@ -192,7 +192,7 @@ def _spot_config(tip: TipDefinition) -> dict[str, Any]:
     return config
 
 
-def _tip(tip: TipDefinition, identity: Identity, well: WellDefinition) -> Resource:
+def _tip(tip: TipDefinition, identity: LabwareIdentity, well: WellDefinition) -> Resource:
     config = _vessel_config(tip.capacity_nl)
     if tip.length_mm > 0:
         config["length_mm"] = tip.length_mm
@@ -210,8 +210,8 @@ def _tip(tip: TipDefinition, identity: Identity, well: WellDefinition) -> Resour
 
 
 def part_resources(
-    part: Part,
-    identity: Identity,
+    part: LabwarePart,
+    identity: LabwareIdentity,
     id_of: Callable[[str], UUID],
     *,
     full_racks: Collection[str] = (),
@@ -240,12 +240,12 @@ class _Root:
     id_of: Callable[[str], UUID]
     full_racks: frozenset[str]
 
-    def identity(self, part: Part, parent_id: UUID) -> Identity:
+    def identity(self, part: LabwarePart, parent_id: UUID) -> LabwareIdentity:
         key = f"{self.key}/{part.name}"
-        return Identity(id=self.id_of(key), key=key, name=part.name, parent_id=parent_id)
+        return LabwareIdentity(id=self.id_of(key), key=key, name=part.name, parent_id=parent_id)
 
 
-def _below(part: Part, identity: Identity, root: _Root) -> Iterator[Resource]:
+def _below(part: LabwarePart, identity: LabwareIdentity, root: _Root) -> Iterator[Resource]:
     if part.kind in _LABWARE:
         has_tips = part.name in root.full_racks
         definition = definition_of(part)
@@ -258,7 +258,7 @@ def _below(part: Part, identity: Identity, root: _Root) -> Iterator[Resource]:
         yield from _below(child, root.identity(child, identity.id), root)
 
 
-def _plain(part: Part, identity: Identity) -> Resource:
+def _plain(part: LabwarePart, identity: LabwareIdentity) -> Resource:
     _check_identity(identity)
     return Resource(
         id=identity.id,
@@ -273,7 +273,7 @@ def _plain(part: Part, identity: Identity) -> Resource:
     )
 
 
-def _plain_config(part: Part) -> Mapping[str, Any]:
+def _plain_config(part: LabwarePart) -> Mapping[str, Any]:
     kind = part.kind
     if kind in ("carrier", "deck", "lid"):
         return {"definition": part.label, "definition_format": "pylabrobot"}
@@ -283,7 +283,7 @@ def _plain_config(part: Part) -> Mapping[str, Any]:
 
 
 def deck_resources(
-    deck: DeckDefinition, identity: Identity, id_of: Callable[[str], UUID]
+    deck: DeckDefinition, identity: LabwareIdentity, id_of: Callable[[str], UUID]
 ) -> tuple[Resource, ...]:
     """Return a deck and its slots for labware, the deck first.
 
@@ -305,7 +305,7 @@ def deck_resources(
 
 
 def _slot(
-    deck: DeckDefinition, slot: Slot, identity: Identity, id_of: Callable[[str], UUID]
+    deck: DeckDefinition, slot: Slot, identity: LabwareIdentity, id_of: Callable[[str], UUID]
 ) -> Resource:
     key = f"{identity.key}/{slot.name}"
     return Resource(

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from labweb.domain.errors import NotFoundError
-from labweb.domain.resources.labware.foreign_json import FARTHEST_MM, Reader, open_reader
+from labweb.domain.resources.labware.foreign_json import FARTHEST_MM, JsonReader, open_reader
 from labweb.domain.resources.labware.labware_definition import ZERO, Footprint, Vector
 
 MAX_PLACES = 10_000
@@ -105,7 +105,7 @@ def parse_opentrons_deck(value: object) -> DeckDefinition:
     )
 
 
-def _provided(fixture: Reader) -> list[tuple[str, str]]:
+def _provided(fixture: JsonReader) -> list[tuple[str, str]]:
     provided = fixture.optional_object("providesAddressableAreas").value
     if not all(isinstance(names, list) for names in provided.values()):
         fixture.refuse("labware.field", "is no list of areas by cutout", "providesAddressableAreas")
@@ -113,16 +113,18 @@ def _provided(fixture: Reader) -> list[tuple[str, str]]:
     return [(cutout, str(name)) for cutout, names in provided.items() for name in names]
 
 
-def _triple(reader: Reader, key: str) -> Vector:
+def _triple(reader: JsonReader, key: str) -> Vector:
     found = reader.value.get(key)
     if not isinstance(found, list) or len(found) != 3:
         reader.refuse("labware.field", "is no list of three numbers", key)
         return ZERO
-    by_place = Reader(dict(zip("xyz", found, strict=True)), f"{reader.path}.{key}", reader.findings)
+    by_place = JsonReader(
+        dict(zip("xyz", found, strict=True)), f"{reader.path}.{key}", reader.findings
+    )
     return Vector(*(by_place.number(axis, -FARTHEST_MM) for axis in "xyz"))
 
 
-def _slot(name: str, area: Reader, cutout: Vector) -> Slot:
+def _slot(name: str, area: JsonReader, cutout: Vector) -> Slot:
     box = area.optional_object("boundingBox")
     size = Vector(*(box.number(axis) for axis in _AXES))
     return Slot(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 
 from labweb.domain.resources.labware.definition_check import check_definition
-from labweb.domain.resources.labware.foreign_json import Reader, open_reader
+from labweb.domain.resources.labware.foreign_json import JsonReader, open_reader
 from labweb.domain.resources.labware.labware_definition import (
     LabwareDefinition,
     TipDefinition,
@@ -71,7 +71,7 @@ def parse_opentrons(value: object) -> LabwareDefinition:
     return definition
 
 
-def _read(reader: Reader, version: int) -> LabwareDefinition:
+def _read(reader: JsonReader, version: int) -> LabwareDefinition:
     parameters = reader.optional_object("parameters")
     metadata = reader.optional_object("metadata")
     size, origin = _read_size(reader, version)
@@ -94,7 +94,7 @@ def _read(reader: Reader, version: int) -> LabwareDefinition:
     )
 
 
-def _read_size(reader: Reader, version: int) -> tuple[Vector, Vector]:
+def _read_size(reader: JsonReader, version: int) -> tuple[Vector, Vector]:
     """Return the size of the box around it, and its own origin seen from our corner."""
     if version == 2:
         box = reader.optional_object("dimensions")
@@ -109,7 +109,7 @@ def _read_size(reader: Reader, version: int) -> tuple[Vector, Vector]:
 
 
 def _read_wells(
-    reader: Reader, origin: Vector, cavities: Mapping[str, Cavity]
+    reader: JsonReader, origin: Vector, cavities: Mapping[str, Cavity]
 ) -> tuple[WellDefinition, ...]:
     found = {
         address: _read_well(address, well, origin, cavities)
@@ -126,7 +126,7 @@ def _read_wells(
     return ()
 
 
-def _read_order(reader: Reader) -> list[str] | None:
+def _read_order(reader: JsonReader) -> list[str] | None:
     columns = reader.value.get("ordering")
     if not isinstance(columns, list) or not all(isinstance(column, list) for column in columns):
         return None
@@ -135,7 +135,7 @@ def _read_order(reader: Reader) -> list[str] | None:
 
 
 def _read_well(
-    address: str, well: Reader, origin: Vector, cavities: Mapping[str, Cavity]
+    address: str, well: JsonReader, origin: Vector, cavities: Mapping[str, Cavity]
 ) -> WellDefinition:
     if _ADDRESS.fullmatch(address) is None:
         well.refuse("labware.address", "is no address such as A1")
@@ -158,7 +158,7 @@ def _read_well(
 
 
 def _kind(
-    reader: Reader, metadata: Reader, wells: tuple[WellDefinition, ...]
+    reader: JsonReader, metadata: JsonReader, wells: tuple[WellDefinition, ...]
 ) -> tuple[str, str | None]:
     """Return the kinds of the labware and of what lies in it.
 
@@ -175,7 +175,7 @@ def _kind(
     return _KINDS["wellPlate" if "wellPlate" in insides else "tubeRack"]
 
 
-def _read_tip(parameters: Reader, wells: tuple[WellDefinition, ...]) -> TipDefinition:
+def _read_tip(parameters: JsonReader, wells: tuple[WellDefinition, ...]) -> TipDefinition:
     capacities = {well.capacity_nl for well in wells}
     if len(capacities) > 1:
         parameters.refuse("labware.tips", "has tips of more than one volume")

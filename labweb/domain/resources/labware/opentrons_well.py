@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from labweb.domain.resources.labware.foreign_json import Reader
+from labweb.domain.resources.labware.foreign_json import JsonReader
 from labweb.domain.resources.labware.well_geometry import (
     MAX_SECTIONS,
     Cavity,
@@ -23,7 +23,7 @@ MAX_CAVITIES = 1_000
 _SHAPES = ("spherical", "conical", "cuboidal", "squaredcone", "roundedcuboid")
 
 
-def read_cavities(reader: Reader) -> dict[str, Cavity]:
+def read_cavities(reader: JsonReader) -> dict[str, Cavity]:
     """Return the cavities of `innerLabwareGeometry` by id; what is wrong becomes a finding."""
     if not reader.has("innerLabwareGeometry"):
         return {}
@@ -39,12 +39,12 @@ def read_cavities(reader: Reader) -> dict[str, Cavity]:
     return found
 
 
-def _read_sections(geometry: Reader) -> Cavity:
+def _read_sections(geometry: JsonReader) -> Cavity:
     sections = [_read_section(section) for section in geometry.objects("sections", MAX_SECTIONS)]
     return tuple(sorted(sections, key=lambda section: section.bottom_mm))
 
 
-def _read_table(geometry: Reader) -> Cavity:
+def _read_table(geometry: JsonReader) -> Cavity:
     points = sorted(
         (point.number("height"), point.number("volume", high=1e12))
         for point in geometry.objects("heightToVolumeMap", MAX_SECTIONS)
@@ -55,20 +55,20 @@ def _read_table(geometry: Reader) -> Cavity:
     return (Table(bottom_mm=0.0, top_mm=top, points=tuple(points)),)
 
 
-def _read_section(section: Reader) -> Section:
+def _read_section(section: JsonReader) -> Section:
     shape = section.choice("shape", _SHAPES)
     return _READERS.get(shape, _read_spherical)(section) if shape else _nothing(section)
 
 
-def _nothing(section: Reader) -> Section:
+def _nothing(section: JsonReader) -> Section:
     return Spherical(bottom_mm=section.number("bottomHeight"), top_mm=0.0, radius_mm=0.0)
 
 
-def _count(section: Reader) -> int:
+def _count(section: JsonReader) -> int:
     return section.count("xCount", 1) * section.count("yCount", 1)
 
 
-def _read_spherical(section: Reader) -> Section:
+def _read_spherical(section: JsonReader) -> Section:
     return Spherical(
         bottom_mm=section.number("bottomHeight"),
         top_mm=section.number("topHeight"),
@@ -77,7 +77,7 @@ def _read_spherical(section: Reader) -> Section:
     )
 
 
-def _read_conical(section: Reader) -> Section:
+def _read_conical(section: JsonReader) -> Section:
     return Conical(
         bottom_mm=section.number("bottomHeight"),
         top_mm=section.number("topHeight"),
@@ -87,7 +87,7 @@ def _read_conical(section: Reader) -> Section:
     )
 
 
-def _read_cuboidal(section: Reader) -> Section:
+def _read_cuboidal(section: JsonReader) -> Section:
     return Cuboidal(
         bottom_mm=section.number("bottomHeight"),
         top_mm=section.number("topHeight"),
@@ -99,7 +99,7 @@ def _read_cuboidal(section: Reader) -> Section:
     )
 
 
-def _read_mixed(section: Reader) -> Section:
+def _read_mixed(section: JsonReader) -> Section:
     is_squared = section.value["shape"] == "squaredcone"
     below = section.choice("bottomCrossSection", ("circular", "rectangular"))
     return (SquaredCone if is_squared else RoundedCuboid)(
@@ -113,7 +113,7 @@ def _read_mixed(section: Reader) -> Section:
     )
 
 
-_READERS: Mapping[str, Callable[[Reader], Section]] = {
+_READERS: Mapping[str, Callable[[JsonReader], Section]] = {
     "spherical": _read_spherical,
     "conical": _read_conical,
     "cuboidal": _read_cuboidal,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from labweb.domain.calibration.correction import Correction, Quantity
+from labweb.domain.calibration.correction import CalibrationQuantity, Correction
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.runs.after_failure.recovery_choices import Choice, Ended, choices_for
+from labweb.domain.runs.after_failure.recovery_choices import Ended, PersonChoice, choices_for
 
 PLUNGER = "volume_ul"
 """Status of a syringe pump: what its syringe holds, by the place of its plunger."""
@@ -41,7 +41,7 @@ class Plunger:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class PlungerMeasured:
     """What the plunger says of how much was moved."""
 
     text: str
@@ -57,7 +57,7 @@ class Measured:
     """Answer that agrees: `happened`, `did_not` or `partly`; empty: none does for certain."""
 
 
-def measure(plunger: Plunger) -> Measured:
+def measure(plunger: Plunger) -> PlungerMeasured:
     """Subtract the place before from the place now.
 
     Source:
@@ -67,7 +67,7 @@ def measure(plunger: Plunger) -> Measured:
     before, after = plunger.before_ul, plunger.after_ul
     tolerance_nl = max(1, round(plunger.tolerance_ul * NL_PER_UL))
     if before is None or after is None:
-        return Measured(
+        return PlungerMeasured(
             text=_missing(plunger),
             before_ul=before,
             after_ul=after,
@@ -81,7 +81,7 @@ def measure(plunger: Plunger) -> Measured:
     text = f"The plunger stood at {stood} before and stands at {stands} now: "
     if told_ul < -plunger.tolerance_ul:
         text += "it went the other way, so it does not tell what was moved."
-        return Measured(
+        return PlungerMeasured(
             text=text, before_ul=before, after_ul=after, moved_nl=None, tolerance_nl=tolerance_nl
         )
     told_ul = max(told_ul, 0.0)
@@ -91,11 +91,11 @@ def measure(plunger: Plunger) -> Measured:
     )
     moved_nl = round(told_ul * NL_PER_UL)
     correction = plunger.correction
-    if correction is not None and correction.quantity is Quantity.VOLUME and moved_nl:
+    if correction is not None and correction.quantity is CalibrationQuantity.VOLUME and moved_nl:
         moved_nl = max(0, round(correction.true_of(told_ul) * NL_PER_UL))
         true = _told(moved_nl / NL_PER_UL, is_small=is_small)
         text += f" By calibration {correction.number} that is {true}."
-    return Measured(
+    return PlungerMeasured(
         text=text,
         before_ul=before,
         after_ul=after,
@@ -150,7 +150,7 @@ def claimed_nl(answer: str, *, asked_nl: int, moved_nl: int | None) -> int | Non
 
 
 def contradiction(
-    measured: Measured, answer: str, *, asked_nl: int, moved_nl: int | None
+    measured: PlungerMeasured, answer: str, *, asked_nl: int, moved_nl: int | None
 ) -> Finding | None:
     """Return what is wrong with an answer that the plunger contradicts; None: nothing is.
 
@@ -184,7 +184,7 @@ def contradiction(
 
 
 def is_worth_reading(
-    measured: Measured, answer: str, *, asked_nl: int, moved_nl: int | None
+    measured: PlungerMeasured, answer: str, *, asked_nl: int, moved_nl: int | None
 ) -> bool:
     """Tell whether a reading that is still to come could contradict an answer."""
     is_told = claimed_nl(answer, asked_nl=asked_nl, moved_nl=moved_nl) is not None
@@ -192,7 +192,7 @@ def is_worth_reading(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Later:
+class LateAnswer:
     """An answer that was given before its device was read, and what that reads now."""
 
     by: str
@@ -206,7 +206,7 @@ class Later:
     reading: str
 
 
-def later_words(told: Later) -> str:
+def later_words(told: LateAnswer) -> str:
     """Say what was answered, what the device reads now, by how much they differ, what to do.
 
     Example:
@@ -232,7 +232,7 @@ def later_words(told: Later) -> str:
     )
 
 
-def choices_after(job: Ended, *, is_step_untouched: bool) -> tuple[Choice, ...]:
+def choices_after(job: Ended, *, is_step_untouched: bool) -> tuple[PersonChoice, ...]:
     """List what may follow an answer that leaves a job undone, as recovery would offer it then."""
     found = choices_for(job, is_step_untouched=is_step_untouched)
     return tuple(one for one in found if one.name in AFTERWARDS)

@@ -15,7 +15,7 @@ MOST_TRIES = 3
 """After so many equal failures another try is refused: something else is wrong."""
 
 
-class Wait(StrEnum):
+class RunWaitCause(StrEnum):
     """What a person has to say before a run can go on."""
 
     ANSWER = "answer"
@@ -70,7 +70,7 @@ class Ended:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Later:
+class LaterJob:
     """A job that has not ended, as far as a choice bears on it."""
 
     index: int
@@ -82,7 +82,7 @@ class Later:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class PersonChoice:
     """One thing that a person may do."""
 
     name: str
@@ -95,7 +95,7 @@ class Choice:
     """What it leads to, in one sentence."""
 
 
-def choices_for(job: Ended, *, is_step_untouched: bool) -> tuple[Choice, ...]:
+def choices_for(job: Ended, *, is_step_untouched: bool) -> tuple[PersonChoice, ...]:
     """List what a person may do, each with its consequence or why it is not offered.
 
     A second try of what has moved a part, or nobody knows how much, is offered for set-points
@@ -120,7 +120,7 @@ def is_taken_away(state: JobState, halted_by: str) -> bool:
     return state is JobState.COMPLETE and halted_by not in {"", LET_GO}
 
 
-def waits_for(state: JobState, *, is_passed: bool, halted_by: str) -> Wait | None:
+def waits_for(state: JobState, *, is_passed: bool, halted_by: str) -> RunWaitCause | None:
     """Return what a person has to say of a job before its run can go on; None: nothing.
 
     Args:
@@ -129,26 +129,26 @@ def waits_for(state: JobState, *, is_passed: bool, halted_by: str) -> Wait | Non
         halted_by: Why a halt of its device undid it; empty: none did.
     """
     if state is JobState.IN_DOUBT:
-        return Wait.ANSWER
+        return RunWaitCause.ANSWER
     is_undone = may_retry(state) and not is_passed
-    return Wait.RECOVERY if is_undone or is_taken_away(state, halted_by) else None
+    return RunWaitCause.RECOVERY if is_undone or is_taken_away(state, halted_by) else None
 
 
-def run_waits_for(jobs: Iterable[Wait | None]) -> Wait | None:
+def run_waits_for(jobs: Iterable[RunWaitCause | None]) -> RunWaitCause | None:
     """Return what a run waits for, of what its jobs wait for: what was done comes first."""
     waits = set(jobs)
-    return next((one for one in Wait if one in waits), None)
+    return next((one for one in RunWaitCause if one in waits), None)
 
 
-def _after_halt() -> tuple[Choice, ...]:
+def _after_halt() -> tuple[PersonChoice, ...]:
     again = "Sends the action again, as another action, before all that follows it in the plan."
     go_on = "Leaves the device as it is. What follows starts if its conditions hold."
     why_not = "it was done, and what it had set is gone: do it again, or go on without"
     return (
-        Choice(name="retry", consequence=again),
-        Choice(name="change", why_not=why_not, consequence=""),
-        Choice(name="done_by_hand", why_not=why_not, consequence=""),
-        Choice(name="skip", consequence=go_on),
+        PersonChoice(name="retry", consequence=again),
+        PersonChoice(name="change", why_not=why_not, consequence=""),
+        PersonChoice(name="done_by_hand", why_not=why_not, consequence=""),
+        PersonChoice(name="skip", consequence=go_on),
     )
 
 
@@ -159,7 +159,7 @@ def why_not_with(job: Ended, *, is_passed: bool) -> str:
     return "" if job.state in UNSTARTED else _retry(job).why_not
 
 
-def _retry(job: Ended) -> Choice:
+def _retry(job: Ended) -> PersonChoice:
     consequence = "Sends the action again, as another action, when you resume the run."
     why_not = ""
     if not may_retry(job.state):
@@ -172,20 +172,20 @@ def _retry(job: Ended) -> Choice:
         why_not = f"it moves together with {job.partner.sentence!r}: {job.partner.why_not}"
     elif job.failures >= MOST_TRIES:
         why_not = f"it failed {job.failures} times in the same way; find the cause first"
-    return Choice(name="retry", why_not=why_not, consequence=consequence)
+    return PersonChoice(name="retry", why_not=why_not, consequence=consequence)
 
 
-def _change(job: Ended, *, is_step_untouched: bool) -> Choice:
+def _change(job: Ended, *, is_step_untouched: bool) -> PersonChoice:
     why_not = ""
     if not may_retry(job.state):
         why_not = f"the job is {job.state.value}, not undone"
     elif not is_step_untouched:
         why_not = "something of this step has moved already"
     text = "Plans this step anew with other values, and all that follows with the lab as it is."
-    return Choice(name="change", why_not=why_not, consequence=text)
+    return PersonChoice(name="change", why_not=why_not, consequence=text)
 
 
-def _by_hand(job: Ended) -> Choice:
+def _by_hand(job: Ended) -> PersonChoice:
     why_not = "" if may_retry(job.state) else f"the job is {job.state.value}, not undone"
     if not why_not and job.partner is not None and not job.is_liquid:
         why_not = f"what is poured by hand is written down at {job.partner.sentence!r}"
@@ -198,18 +198,18 @@ def _by_hand(job: Ended) -> Choice:
         text += "The record adds the amount that you name to what the device has moved."
     else:
         text += "The record moves the amount that you name."
-    return Choice(name="done_by_hand", why_not=why_not, consequence=text)
+    return PersonChoice(name="done_by_hand", why_not=why_not, consequence=text)
 
 
-def _skip(job: Ended) -> Choice:
+def _skip(job: Ended) -> PersonChoice:
     why_not = "" if may_retry(job.state) else f"the job is {job.state.value}, not undone"
     text = (
         "Leaves it undone, with the rest of its step. What follows starts if its conditions hold."
     )
-    return Choice(name="skip", why_not=why_not, consequence=text)
+    return PersonChoice(name="skip", why_not=why_not, consequence=text)
 
 
-def skipped_with(job: Ended, later: Sequence[Later]) -> list[int]:
+def skipped_with(job: Ended, later: Sequence[LaterJob]) -> list[int]:
     """Return the jobs that are skipped with a job: what is left of its step behind or with it."""
     found = {job.index}
     for one in sorted(later, key=lambda each: each.index):
@@ -219,7 +219,7 @@ def skipped_with(job: Ended, later: Sequence[Later]) -> list[int]:
     return sorted(found - {job.index})
 
 
-def relying_on(targets: frozenset[UUID], job: Ended, later: Sequence[Later]) -> list[int]:
+def relying_on(targets: frozenset[UUID], job: Ended, later: Sequence[LaterJob]) -> list[int]:
     """Return the later jobs, beyond its step, that use what a job was to change."""
     return [
         one.index

@@ -9,7 +9,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.calibration.correction import holds_s
-from labweb.domain.messages.commands import Batch, Command, Do, ResourceView, Tick
+from labweb.domain.messages.commands import Command, Do, HostBatch, ResourceView, Tick
 from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.host_link.host_session import SessionState
 
@@ -44,10 +44,10 @@ def signed_batch(
     *,
     at: datetime,
     sent: Tick | None = None,
-) -> Batch:
+) -> HostBatch:
     """Stamp and sign each member, and put them together."""
     first = draft.members[0]
-    return Batch(
+    return HostBatch(
         host_id=first.host_id,
         epoch=epoch,
         dseq=first.dseq,

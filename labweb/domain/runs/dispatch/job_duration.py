@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class JobSpan:
     """One job, as far as its time goes."""
 
     index: int
@@ -18,7 +18,7 @@ class Part:
     takes_s: float
 
 
-def span_s(parts: Iterable[Part]) -> float:
+def span_s(parts: Iterable[JobSpan]) -> float:
     """Return how long jobs take from now until the last one ends, s.
 
     A job begins when all that it waits for has ended and its device is free; of two that wait

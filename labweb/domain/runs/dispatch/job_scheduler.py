@@ -57,7 +57,7 @@ SILENT_AFTER_S = 180.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class DeviceCandidate:
     """One of several devices that may do a job, when its turn comes."""
 
     state: str
@@ -70,7 +70,7 @@ class Candidate:
     """Since it told anything; None: it never has, as one that has no status."""
 
 
-def why_passed_by(one: Candidate) -> str:
+def why_passed_by(one: DeviceCandidate) -> str:
     """Say why a device is not asked to do a job; "": it is asked, and its locks decide."""
     if one.state != "enrolled":
         return f"it is {one.state}"

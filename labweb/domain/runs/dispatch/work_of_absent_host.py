@@ -22,14 +22,14 @@ AWAY = frozenset(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Waiting:
+class WaitingJobs:
     """Which jobs change their state because hosts went away or came back."""
 
     suspend: tuple[UUID, ...] = ()
     release: tuple[UUID, ...] = ()
 
 
-def find_waiting(jobs: Sequence[JobView], hosts: Mapping[UUID, SessionState]) -> Waiting:
+def find_waiting(jobs: Sequence[JobView], hosts: Mapping[UUID, SessionState]) -> WaitingJobs:
     """Return which queued jobs of a run to suspend, and which suspended ones to queue again.
 
     What was dispatched is never touched: a host that is silent is not dead. A suspended
@@ -44,7 +44,7 @@ def find_waiting(jobs: Sequence[JobView], hosts: Mapping[UUID, SessionState]) ->
     back = {host for host, state in hosts.items() if state is SessionState.ONLINE}
     suspended = _reached(jobs, away)
     held = _reached(jobs, set(hosts) - back)
-    return Waiting(
+    return WaitingJobs(
         suspend=tuple(
             job.id for job in jobs if job.state is JobState.QUEUED and job.index in suspended
         ),

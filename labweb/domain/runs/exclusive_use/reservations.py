@@ -40,7 +40,7 @@ def check_request(*, count: int, lasts: timedelta, reason: str) -> list[Finding]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Claim:
+class ReservedLock:
     """One lock that a reservation which holds now keeps for its holder."""
 
     lock: Lock
@@ -55,13 +55,13 @@ class Claim:
         return self.made_at, self.reservation_id
 
 
-def in_the_way(wanted: Iterable[Lock], claims: Sequence[Claim]) -> list[UUID]:
+def in_the_way(wanted: Iterable[Lock], claims: Sequence[ReservedLock]) -> list[UUID]:
     """Return the reservations of others that who asks must wait for, the oldest first.
 
     Those who came after a reservation of one's own for the same thing are not among them.
     """
     locks = {lock.resource_id: lock for lock in wanted}
-    own: dict[UUID, list[Claim]] = {}
+    own: dict[UUID, list[ReservedLock]] = {}
     for claim in claims:
         if claim.is_own:
             own.setdefault(claim.lock.resource_id, []).append(claim)

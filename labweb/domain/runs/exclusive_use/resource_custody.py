@@ -39,7 +39,7 @@ class CustodyState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Custody:
+class ResourceCustody:
     """One resource as the server sees it."""
 
     resource_id: UUID
@@ -70,7 +70,9 @@ def next_hands(
     return None if owner in gone or wanted in gone else wanted
 
 
-def ask(custody: Custody, *, transfer_id: UUID, target: UUID, in_use: Collection[UUID]) -> Custody:
+def ask(
+    custody: ResourceCustody, *, transfer_id: UUID, target: UUID, in_use: Collection[UUID]
+) -> ResourceCustody:
     """Begin to move a resource to another host.
 
     Args:
@@ -93,8 +95,8 @@ def ask(custody: Custody, *, transfer_id: UUID, target: UUID, in_use: Collection
 
 
 def after_released(
-    custody: Custody, *, host: UUID, transfer_id: UUID, view: ResourceView
-) -> Custody:
+    custody: ResourceCustody, *, host: UUID, transfer_id: UUID, view: ResourceView
+) -> ResourceCustody:
     """Take the word of the owner that it has let a resource go.
 
     Raises:
@@ -106,7 +108,7 @@ def after_released(
     return replace(custody, state=CustodyState.IN_TRANSIT, owner=None, view=view)
 
 
-def after_kept(custody: Custody, *, host: UUID, transfer_id: UUID) -> Custody:
+def after_kept(custody: ResourceCustody, *, host: UUID, transfer_id: UUID) -> ResourceCustody:
     """Take the word of the owner that it cannot let a resource go: nothing has moved."""
     is_due = custody.state is CustodyState.LEAVING and custody.transfer_id == transfer_id
     if not is_due or custody.owner != host:
@@ -114,7 +116,7 @@ def after_kept(custody: Custody, *, host: UUID, transfer_id: UUID) -> Custody:
     return replace(custody, state=CustodyState.OWNED, transfer_id=None, target=None)
 
 
-def after_received(custody: Custody, *, host: UUID, transfer_id: UUID) -> Custody:
+def after_received(custody: ResourceCustody, *, host: UUID, transfer_id: UUID) -> ResourceCustody:
     """Take the word of the target that it has the resource in its hands.
 
     Raises:
@@ -123,7 +125,7 @@ def after_received(custody: Custody, *, host: UUID, transfer_id: UUID) -> Custod
     is_due = custody.state is CustodyState.IN_TRANSIT and custody.transfer_id == transfer_id
     if not is_due or custody.target != host:
         raise StateError("this host receives what is not sent to it", code="custody.not_target")
-    return Custody(resource_id=custody.resource_id, state=CustodyState.OWNED, owner=host)
+    return ResourceCustody(resource_id=custody.resource_id, state=CustodyState.OWNED, owner=host)
 
 
 # --- the host's side ----------------------------------------------------------------

@@ -21,25 +21,29 @@ from labweb.domain.runs.after_failure.recovery_choices import is_taken_away
 from labweb.domain.runs.exclusive_use import run_holds
 from labweb.domain.runs.exclusive_use.run_holds import (
     CARRIERS,
-    Ask,
-    Mode,
+    HoldAsk,
+    HoldScene,
     Party,
     Refusal,
-    Scene,
+    UseMode,
     keeps_matter,
     merged,
     modes_of,
     place_mode,
 )
-from labweb.domain.runs.halts.halted_setpoints import Done, is_halt_certain, still_standing
+from labweb.domain.runs.halts.halted_setpoints import (
+    Done,
+    is_halt_certain,
+    still_standing,
+)
 from labweb.domain.runs.states.job_states import UNSTARTED, JobState
 
 
-class Claim(msgspec.Struct, frozen=True, kw_only=True):
+class RunClaim(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that a run uses without a break, from one job to another."""
 
     resource_id: UUID
-    mode: Mode
+    mode: UseMode
     jobs: tuple[int, ...]
     """While one of these has not ended well, the run may still need it."""
 
@@ -60,18 +64,18 @@ class ChoiceOfJob(msgspec.Struct, frozen=True, kw_only=True):
     """What a job takes on each of the devices that may do it, beside what it takes on all."""
 
     job: int
-    ways: tuple[dict[UUID, Mode], ...]
+    ways: tuple[dict[UUID, UseMode], ...]
 
 
 class Claims(msgspec.Struct, frozen=True, kw_only=True):
     """What a run declares at its start."""
 
-    claims: tuple[Claim, ...] = ()
+    claims: tuple[RunClaim, ...] = ()
     choices: tuple[ChoiceOfJob, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class DeviceWay:
     """A job as one device would do it."""
 
     device_id: UUID
@@ -87,14 +91,14 @@ class Use:
     index: int
     step_id: str
     action: str
-    ways: tuple[Way, ...]
+    ways: tuple[DeviceWay, ...]
 
 
 @dataclass(slots=True)
 class _Thing:
     """How the jobs of a run use one resource."""
 
-    mode: Mode | None = None
+    mode: UseMode | None = None
     blocks: list[int] = field(default_factory=list)
     is_from_start: bool = False
     is_choice: bool = True
@@ -134,16 +138,16 @@ def claims_of(uses: Sequence[Use], kinds: Mapping[UUID, str], steps: Sequence[st
     course = _course(uses, kinds)
     things, choices = _things(course)
     step_of = {use.index: steps.index(use.step_id) + 1 for use in uses}
-    made: list[Claim] = []
+    made: list[RunClaim] = []
     for node, thing in sorted(things.items()):
         for part, is_to_the_end in _parts(node, thing, course):
             jobs = {index for block in part for index in course.blocks[block]}
             if is_to_the_end:
                 jobs = {use.index for use in uses if use.index >= min(jobs)}
             made.append(
-                Claim(
+                RunClaim(
                     resource_id=node,
-                    mode=thing.mode or Mode.ALONE,
+                    mode=thing.mode or UseMode.ALONE,
                     jobs=tuple(sorted(jobs)),
                     until_step=max(step_of[index] for index in jobs),
                     is_from_start=thing.is_from_start and not thing.is_choice,
@@ -165,7 +169,7 @@ def _things(course: _Course) -> tuple[dict[UUID, _Thing], list[ChoiceOfJob]]:
         for way, modes in zip(use.ways, ways, strict=True):
             single = _single_places(way.operation, kinds)
             for node, mode in modes.items():
-                if mode is Mode.WITHIN:
+                if mode is UseMode.WITHIN:
                     continue
                 thing = things.setdefault(node, _Thing())
                 thing.mode = merged(thing.mode, mode)
@@ -174,8 +178,8 @@ def _things(course: _Course) -> tuple[dict[UUID, _Thing], list[ChoiceOfJob]]:
                 if block not in thing.blocks:
                     thing.blocks.append(block)
         if len(ways) > 1:
-            beside: list[dict[UUID, Mode]] = [
-                {n: m for n, m in way.items() if n not in always and m is not Mode.WITHIN}
+            beside: list[dict[UUID, UseMode]] = [
+                {n: m for n, m in way.items() if n not in always and m is not UseMode.WITHIN}
                 for way in ways
             ]
             choices.append(ChoiceOfJob(job=use.index, ways=tuple(beside)))
@@ -187,7 +191,7 @@ def _single_places(operation: ops.Operation, kinds: Mapping[UUID, str]) -> set[U
     if not isinstance(operation, ops.TransferResource):
         return set()
     places = (operation.from_id, operation.to_id)
-    single = {one for one in places if place_mode(kinds.get(one, "")) is Mode.ALONE}
+    single = {one for one in places if place_mode(kinds.get(one, "")) is UseMode.ALONE}
     return {operation.resource_id, *single}
 
 
@@ -236,7 +240,7 @@ def _is_left(node: UUID, done: Iterable[Use], kinds: Mapping[UUID, str]) -> bool
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class JobProgress:
     """Where a job of the run stands."""
 
     index: int
@@ -250,23 +254,23 @@ class Stand:
     """It was sent and not refused: something of it is done or under way."""
 
 
-def stand_of(index: int, state: JobState, passed_by: str, halted_by: str) -> Stand:
+def stand_of(index: int, state: JobState, passed_by: str, halted_by: str) -> JobProgress:
     """Return where a job stands. One that ended undone is not over: a person may retry it."""
     is_done = state is JobState.COMPLETE and not is_taken_away(state, halted_by)
     is_passed = bool(passed_by) and state not in UNSTARTED
     has_acted = state not in UNSTARTED | {JobState.STOPPED, JobState.REJECTED}
-    return Stand(index, state in UNSTARTED, is_done or is_passed, has_acted)
+    return JobProgress(index, state in UNSTARTED, is_done or is_passed, has_acted)
 
 
-def open_claims(claims: Claims, jobs: Iterable[Stand]) -> list[Claim]:
+def open_claims(claims: Claims, jobs: Iterable[JobProgress]) -> list[RunClaim]:
     """Return the claims of which some path of the run may still need the thing."""
     ended = {job.index for job in jobs if job.is_over}
     return [one for one in claims.claims if not ended.issuperset(one.jobs)]
 
 
 def needs_of(
-    claims: Claims, jobs: Sequence[Stand], held: Mapping[UUID, Mode]
-) -> tuple[dict[UUID, Mode], list[tuple[dict[UUID, Mode], ...]]]:
+    claims: Claims, jobs: Sequence[JobProgress], held: Mapping[UUID, UseMode]
+) -> tuple[dict[UUID, UseMode], list[tuple[dict[UUID, UseMode], ...]]]:
     """Return what a run may still use: surely, and by each job that several devices may do."""
     surely = dict(held)
     for claim in open_claims(claims, jobs):
@@ -278,11 +282,11 @@ def needs_of(
 
 def asked_by(
     claims: Claims,
-    jobs: Sequence[Stand],
+    jobs: Sequence[JobProgress],
     sent: Iterable[int],
     used: Iterable[UUID],
-    held: Mapping[UUID, Mode],
-) -> list[Claim]:
+    held: Mapping[UUID, UseMode],
+) -> list[RunClaim]:
     """Return what a run has to get, at once, before jobs of it are sent.
 
     That is what it holds from its start, and all that the steps of these jobs use.
@@ -300,20 +304,20 @@ def asked_by(
         for claim in open_claims(claims, jobs)
         if (claim.is_from_start or not indices.isdisjoint(claim.jobs))
         and (not claim.is_choice or claim.resource_id in names)
-        and held.get(claim.resource_id) not in {claim.mode, Mode.ALONE}
+        and held.get(claim.resource_id) not in {claim.mode, UseMode.ALONE}
     ]
 
 
-def modes_in(claims: Iterable[Claim]) -> dict[UUID, Mode]:
+def modes_in(claims: Iterable[RunClaim]) -> dict[UUID, UseMode]:
     """Return how the things of claims are used, each once."""
-    found: dict[UUID, Mode] = {}
+    found: dict[UUID, UseMode] = {}
     for claim in claims:
         found[claim.resource_id] = merged(found.get(claim.resource_id), claim.mode)
     return found
 
 
 def released(
-    claims: Claims, jobs: Sequence[Stand], held: Iterable[UUID], *, has_ended: bool
+    claims: Claims, jobs: Sequence[JobProgress], held: Iterable[UUID], *, has_ended: bool
 ) -> set[UUID]:
     """Return what a run holds and cannot need any more; when it has ended, all of it.
 
@@ -332,13 +336,13 @@ def released(
 
 
 def decide(
-    asker: Party, ask: Ask, asked: Iterable[Claim], scene: Scene
-) -> tuple[Refusal | None, Ask]:
+    asker: Party, ask: HoldAsk, asked: Iterable[RunClaim], scene: HoldScene
+) -> tuple[Refusal | None, HoldAsk]:
     """Decide whether a run gets what it asks for, and say what it waits for when it does not.
 
     What it needs for one step alone is not kept from others while it waits for what it keeps.
     """
-    kept = Ask(
+    kept = HoldAsk(
         run_id=ask.run_id,
         turn=ask.turn,
         wanted=modes_in(claim for claim in asked if claim.is_kept),

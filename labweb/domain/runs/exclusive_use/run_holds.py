@@ -22,7 +22,7 @@ from labweb.domain.crutd import operations as ops
 from labweb.domain.resources.resource_kinds import is_vessel
 
 
-class Mode(StrEnum):
+class UseMode(StrEnum):
     """How something is used, as far as others have to know."""
 
     ALONE = "X"
@@ -41,16 +41,16 @@ class Mode(StrEnum):
     """Something below it is used. Never held by itself."""
 
 
-Modes = Mapping[UUID, Mode]
+Modes = Mapping[UUID, UseMode]
 Above = Mapping[UUID, Sequence[UUID]]
 
 _SHARED = frozenset(
     {
-        (Mode.DRAW, Mode.DRAW),
-        (Mode.POUR, Mode.POUR),
-        (Mode.WITHIN, Mode.WITHIN),
-        (Mode.WITHIN, Mode.USE),
-        (Mode.USE, Mode.WITHIN),
+        (UseMode.DRAW, UseMode.DRAW),
+        (UseMode.POUR, UseMode.POUR),
+        (UseMode.WITHIN, UseMode.WITHIN),
+        (UseMode.WITHIN, UseMode.USE),
+        (UseMode.USE, UseMode.WITHIN),
     }
 )
 
@@ -66,9 +66,9 @@ def keeps_matter(kind: str) -> bool:
     return is_vessel(kind) and kind not in CARRIERS and kind != "waste"
 
 
-def place_mode(kind: str) -> Mode:
+def place_mode(kind: str) -> UseMode:
     """Return how a place is used that something is put into or taken from."""
-    return Mode.WITHIN if kind in ROOMY else Mode.ALONE
+    return UseMode.WITHIN if kind in ROOMY else UseMode.ALONE
 
 
 def places_of(operation: ops.Operation) -> tuple[UUID, ...]:
@@ -88,7 +88,7 @@ def places_of(operation: ops.Operation) -> tuple[UUID, ...]:
 
 def modes_of(
     operation: ops.Operation, targets: Iterable[UUID], kinds: Mapping[UUID, str]
-) -> dict[UUID, Mode]:
+) -> dict[UUID, UseMode]:
     """Return how an operation uses each resource.
 
     Args:
@@ -97,26 +97,27 @@ def modes_of(
         kinds: Kind of each resource, as far as it is known.
     """
     found = {
-        node: Mode.ALONE if keeps_matter(kinds.get(node, "")) else Mode.USE for node in targets
+        node: UseMode.ALONE if keeps_matter(kinds.get(node, "")) else UseMode.USE
+        for node in targets
     }
     places = places_of(operation)
     match operation:
         case ops.Read():
-            found.setdefault(operation.device_id, Mode.USE)
+            found.setdefault(operation.device_id, UseMode.USE)
         case ops.TransferLiquid() | ops.TransferMass():
             is_stock = keeps_matter(kinds.get(operation.source_id, ""))
-            found[operation.source_id] = Mode.DRAW if is_stock else Mode.ALONE
+            found[operation.source_id] = UseMode.DRAW if is_stock else UseMode.ALONE
             is_waste = kinds.get(operation.target_id) == "waste"
-            found[operation.target_id] = Mode.POUR if is_waste else Mode.ALONE
+            found[operation.target_id] = UseMode.POUR if is_waste else UseMode.ALONE
         case _:
-            found |= dict.fromkeys(ops.touched_ids(operation), Mode.ALONE)
+            found |= dict.fromkeys(ops.touched_ids(operation), UseMode.ALONE)
             found |= {place: place_mode(kinds.get(place, "")) for place in places}
     return found
 
 
-def merged(one: Mode | None, other: Mode) -> Mode:
+def merged(one: UseMode | None, other: UseMode) -> UseMode:
     """Return the mode that covers two uses of one thing."""
-    return other if one in {None, other} else Mode.ALONE
+    return other if one in {None, other} else UseMode.ALONE
 
 
 def clash(one: Modes, other: Modes, above: Above) -> UUID | None:
@@ -134,7 +135,7 @@ def clash(one: Modes, other: Modes, above: Above) -> UUID | None:
     return None
 
 
-def excludes(one: Mode, other: Mode) -> bool:
+def excludes(one: UseMode, other: UseMode) -> bool:
     """Say whether the same thing cannot be used by two in these ways."""
     return (one, other) not in _SHARED
 
@@ -155,13 +156,13 @@ def may_use_by_hand(operation: ops.Operation, *, is_holder: bool, is_quarantined
     return is_holder and not isinstance(operation, ops.Delete | ops.Disconnect)
 
 
-def with_above(modes: Modes, above: Above) -> dict[UUID, set[Mode]]:
+def with_above(modes: Modes, above: Above) -> dict[UUID, set[UseMode]]:
     """Return how things are used, and that something in what they stand in is."""
-    found: dict[UUID, set[Mode]] = {}
+    found: dict[UUID, set[UseMode]] = {}
     for node, mode in modes.items():
         found.setdefault(node, set()).add(mode)
         for place in above.get(node, ()):
-            found.setdefault(place, set()).add(Mode.WITHIN)
+            found.setdefault(place, set()).add(UseMode.WITHIN)
     return found
 
 
@@ -182,7 +183,7 @@ class Party:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ask:
+class HoldAsk:
     """What a run waits for."""
 
     run_id: UUID
@@ -215,19 +216,19 @@ class Refusal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class HoldScene:
     """All that decides about a grant."""
 
     parties: Sequence[Party]
     """Every run of the lab that has not ended, who asks included."""
 
-    waiting: Sequence[Ask] = ()
+    waiting: Sequence[HoldAsk] = ()
     """What others have asked for and not got."""
 
     above: Above = field(default_factory=dict)
 
 
-def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
+def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
     """Decide whether a run may have what it asks for; None: it may.
 
     A run that has begun gets what is free as long as every run that has begun can still end. One
@@ -260,12 +261,12 @@ def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
     return _stuck(asker.id, [after, *(one for one in others if one.has_begun)], scene.above)
 
 
-def _before(ask: Ask, waiting: Iterable[Ask]) -> list[Ask]:
+def _before(ask: HoldAsk, waiting: Iterable[HoldAsk]) -> list[HoldAsk]:
     earlier = (one for one in waiting if one.run_id != ask.run_id and one.turn < ask.turn)
     return sorted(earlier, key=lambda one: one.turn)
 
 
-def _both(one: Modes, other: Modes) -> dict[UUID, Mode]:
+def _both(one: Modes, other: Modes) -> dict[UUID, UseMode]:
     found = dict(one)
     for node, mode in other.items():
         found[node] = merged(found.get(node), mode)

@@ -1,8 +1,7 @@
 """What a halt takes away: set-points that earlier actions of a device had left standing.
 
-A halt brings a whole device to its safe state, whatever of it acted. What the record says it is
-set to is void from then on: unknown, until the device is set anew. No reading proves otherwise,
-since instruments keep the number of a set-point while heater, motor or pump is off.
+A halt brings a whole device to its safe state, whatever of it acted. What it was set to is unknown
+from then on, until it is set anew: instruments keep the number while heater or motor is off.
 """
 
 from __future__ import annotations

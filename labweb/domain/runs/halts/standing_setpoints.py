@@ -18,7 +18,7 @@ from labweb.domain.runs.host_journal.journal_rows import JournalWrite
 KEY = "stands"
 
 
-class Stands(msgspec.Struct, frozen=True, kw_only=True):
+class StandingSetpoint(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that an action left set."""
 
     action_id: UUID
@@ -26,13 +26,15 @@ class Stands(msgspec.Struct, frozen=True, kw_only=True):
     args: dict[str, Any]
 
 
-def read_stands(meta: Mapping[str, str]) -> dict[UUID, dict[str, Stands]]:
+def read_stands(meta: Mapping[str, str]) -> dict[UUID, dict[str, StandingSetpoint]]:
     """Return what stands, by device and sort, from a host's remembered values."""
     text = meta.get(KEY, "{}")
-    return msgspec.json.decode(text, type=dict[UUID, dict[str, Stands]])
+    return msgspec.json.decode(text, type=dict[UUID, dict[str, StandingSetpoint]])
 
 
-def put_stands(tx: JournalWrite, device_id: UUID, sort: str, stands: Stands | None) -> None:
+def put_stands(
+    tx: JournalWrite, device_id: UUID, sort: str, stands: StandingSetpoint | None
+) -> None:
     """Remember what stands of one sort; None: nothing that is known."""
     known = read_stands(tx.meta())
     of_device = known.pop(device_id, {})
@@ -51,6 +53,6 @@ def clear_stands(tx: JournalWrite, device_id: UUID) -> None:
         _write(tx, known)
 
 
-def _write(tx: JournalWrite, known: Mapping[UUID, Mapping[str, Stands]]) -> None:
+def _write(tx: JournalWrite, known: Mapping[UUID, Mapping[str, StandingSetpoint]]) -> None:
     plain = {str(device_id): of_device for device_id, of_device in known.items()}
     tx.set_meta(KEY, canonical(plain).decode() if plain else None)

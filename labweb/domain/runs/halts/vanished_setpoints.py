@@ -12,10 +12,10 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.enrollment.setpoint_readback import Kept, names_set_by
+from labweb.domain.enrollment.setpoint_readback import KeptReading, names_set_by
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts.halted_setpoints import sort_of, sort_set_by
-from labweb.domain.runs.halts.standing_setpoints import Stands, put_stands, read_stands
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint, put_stands, read_stands
 from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, HeldResource, JournalWrite
 
@@ -37,7 +37,7 @@ def note_complete(tx: JournalWrite, row: ActionRow) -> None:
         return
     stands = None
     if sort_set_by(do.action, do.args) is not None:
-        stands = Stands(action_id=row.action_id, action=do.action, args=dict(do.args))
+        stands = StandingSetpoint(action_id=row.action_id, action=do.action, args=dict(do.args))
     put_stands(tx, row.device_id, sort, stands)
 
 
@@ -52,7 +52,11 @@ def gone_of(data: Mapping[str, Any], action: str) -> dict[str, None]:
 
 
 def write_vanished(
-    tx: JournalWrite, device: DeviceConfig, stands: Stands, kept: Kept, found: float
+    tx: JournalWrite,
+    device: DeviceConfig,
+    stands: StandingSetpoint,
+    kept: KeptReading,
+    found: float,
 ) -> bool:
     """Write down that what an action had set is gone; False: it is not that action's any more.
 

@@ -12,17 +12,22 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.crutd import operations, settlement
-from labweb.domain.crutd.pre_and_postconditions import Condition, Result, Verification
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult, Verification
 from labweb.domain.crutd.settlement import Change, Outcome, OutcomeKind
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages.commands import Do
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
 from labweb.domain.runs.host_actions import host_batch, host_state
 from labweb.domain.runs.host_journal import action_states, paired_actions
-from labweb.domain.runs.host_journal.action_states import ActionState, Answer, Conclusion, Report
-from labweb.domain.runs.host_journal.action_states import Scene as Scene
+from labweb.domain.runs.host_journal.action_states import (
+    ActionState,
+    Conclusion,
+    HostAnswer,
+    Report,
+)
+from labweb.domain.runs.host_journal.action_states import HostScene as HostScene
 from labweb.domain.runs.host_journal.event_bodies import change_body, report_body, results_body
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalWrite
 from labweb.domain.runs.host_journal.known_resources import apply_change, snapshot
 
@@ -49,7 +54,7 @@ def in_turn(rows: Iterable[ActionRow]) -> Iterator[ActionRow]:
             yield row
 
 
-def age_s(row: ActionRow, at: Moment) -> float:
+def age_s(row: ActionRow, at: HostMoment) -> float:
     """Return how long an action has waited since its acceptance.
 
     Only the monotonic clock counts, and it counts within one start of the machine. After a
@@ -61,7 +66,7 @@ def age_s(row: ActionRow, at: Moment) -> float:
     return action_states.NEVER_S
 
 
-def sent_age_s(do: Do, host: action_states.HostState, at: Moment) -> float:
+def sent_age_s(do: Do, host: action_states.HostState, at: HostMoment) -> float:
     """Return for how long at most a command has been under way and waiting since it was signed.
 
     Two monotonic clocks are compared, the own one and the server's, of which the session told; so
@@ -74,18 +79,18 @@ def sent_age_s(do: Do, host: action_states.HostState, at: Moment) -> float:
 
 
 def decide_now(
-    tx: JournalWrite, row: ActionRow, do: Do, at: Moment, results: Sequence[Result]
-) -> Answer:
+    tx: JournalWrite, row: ActionRow, do: Do, at: HostMoment, results: Sequence[ConditionResult]
+) -> HostAnswer:
     """Decide inside the write, so that nothing changes between decision and start."""
     if tx.state_of(row.action_id) is not ActionState.ACCEPTED:
-        return Answer(action_states.HOLD, "edge.taken", "the action was stopped meanwhile")
+        return HostAnswer(action_states.HOLD, "edge.taken", "the action was stopped meanwhile")
     operation = row.operation
     known = snapshot(tx, operations.touched_ids(operation))
     host = tx.host_state(at.boot_id)
     turn = host_batch.turn_of(tx, do.batch, host_state.offline_s(host, at))
     answer = action_states.decide_start(
         host,
-        action_states.Candidate(
+        action_states.ActionCandidate(
             dseq=row.dseq,
             max_fence=tx.max_fence(row.device_id),
             age_s=age_s(row, at),
@@ -106,8 +111,8 @@ def decide_now(
 
 
 def start(
-    tx: JournalWrite, row: ActionRow, do: Do, *, at: Moment, scene: Scene
-) -> Answer | Started:
+    tx: JournalWrite, row: ActionRow, do: Do, *, at: HostMoment, scene: HostScene
+) -> HostAnswer | Started:
     """Decide whether an action starts now, and write down what was decided."""
     answer = decide_now(tx, row, do, at, [result for _, result in scene.judged])
     write_rejection(tx, row, answer, scene.judged)
@@ -117,8 +122,8 @@ def start(
 
 
 def start_both(
-    tx: JournalWrite, row: ActionRow, do: Do, *, at: Moment, scene: Scene
-) -> Answer | Started:
+    tx: JournalWrite, row: ActionRow, do: Do, *, at: HostMoment, scene: HostScene
+) -> HostAnswer | Started:
     """Decide whether an action and the one that it meets start now, and write it down.
 
     Returns:
@@ -133,8 +138,8 @@ def start_both(
     if answer.kind != action_states.START or partner is None:
         return answer
     if decide_now(tx, partner, partner.do, at, []).kind != action_states.START:
-        return Answer(action_states.HOLD, "", "what begins at the same moment may not start")
-    waits = Answer(
+        return HostAnswer(action_states.HOLD, "", "what begins at the same moment may not start")
+    waits = HostAnswer(
         action_states.HOLD,
         paired_actions.WAITS,
         "what begins at the same moment is not ready",
@@ -150,7 +155,7 @@ def start_both(
     return started
 
 
-def _begin(tx: JournalWrite, row: ActionRow, do: Do, scene: Scene) -> Started:
+def _begin(tx: JournalWrite, row: ActionRow, do: Do, scene: HostScene) -> Started:
     # Read again only where something is judged by it, should this end before that.
     kept = {"prestate": scene.prestate} if do.post else {}
     tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED, **kept)
@@ -170,7 +175,7 @@ def _begin(tx: JournalWrite, row: ActionRow, do: Do, scene: Scene) -> Started:
     return Started(row, do)
 
 
-def reject(tx: JournalWrite, row: ActionRow, answer: Answer) -> None:
+def reject(tx: JournalWrite, row: ActionRow, answer: HostAnswer) -> None:
     """End an action that can never start, unless something else ended it first."""
     if tx.state_of(row.action_id) is ActionState.ACCEPTED:
         write_rejection(tx, row, answer, ())
@@ -179,8 +184,8 @@ def reject(tx: JournalWrite, row: ActionRow, answer: Answer) -> None:
 def write_rejection(
     tx: JournalWrite,
     row: ActionRow,
-    answer: Answer,
-    judged: Sequence[tuple[Condition, Result]],
+    answer: HostAnswer,
+    judged: Sequence[tuple[Condition, ConditionResult]],
 ) -> None:
     """Write a rejection down; any other answer leaves the action as it is."""
     if answer.kind != action_states.REJECT:
@@ -209,7 +214,7 @@ def write_end(
     tx: JournalWrite,
     row: ActionRow,
     report: Report,
-    post: Sequence[tuple[Condition, Result]],
+    post: Sequence[tuple[Condition, ConditionResult]],
     answered: Mapping[str, Any] | None = None,
 ) -> Conclusion:
     """Settle an action and write its end: row, resources and events together.
@@ -267,7 +272,7 @@ def write_end(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class FoundDevice:
     """How a device was found whose action nobody has seen end."""
 
     is_halted: bool
@@ -283,7 +288,7 @@ class Found:
     """What it told after it was halted."""
 
 
-def recover(tx: JournalWrite, row: ActionRow, found: Found | None = None) -> bool:
+def recover(tx: JournalWrite, row: ActionRow, found: FoundDevice | None = None) -> bool:
     """Put in doubt what was started and never answered; True: it is in doubt from here on.
 
     Nothing is sent: nobody can tell whether the device acted.

@@ -16,11 +16,11 @@ from labweb.domain.crutd.pre_and_postconditions import Condition, Verification
 from labweb.domain.crutd.settlement import OutcomeKind
 from labweb.domain.errors import LabError
 from labweb.domain.messages.commands import (
-    Batch,
     Cancel,
     Command,
     Do,
     Halt,
+    HostBatch,
     Receive,
     Release,
     Reset,
@@ -34,9 +34,9 @@ from labweb.domain.runs.exclusive_use import resource_custody
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
 from labweb.domain.runs.host_actions.host_batch import read_members
 from labweb.domain.runs.host_journal import action_states, paired_actions
-from labweb.domain.runs.host_journal.action_states import ActionState, Answer
+from labweb.domain.runs.host_journal.action_states import ActionState, HostAnswer
 from labweb.domain.runs.host_journal.event_bodies import change_body
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalWrite
 from labweb.domain.runs.host_journal.known_resources import (
     adopt,
@@ -50,7 +50,7 @@ from labweb.domain.runs.host_journal.known_resources import (
 class Receipt:
     """What became of a command."""
 
-    answer: Answer
+    answer: HostAnswer
     line: str | None = None
     """Line that has something to do."""
 
@@ -63,7 +63,7 @@ def take_command(
     signed: Signed,
     command: Command,
     *,
-    at: Moment,
+    at: HostMoment,
     line_of: Callable[[UUID], str | None],
 ) -> Receipt:
     """Take one command, whose signature holds, into the journal; safe to repeat.
@@ -78,7 +78,7 @@ def take_command(
     Effect:
         On the record only.
     """
-    if isinstance(command, Batch):
+    if isinstance(command, HostBatch):
         return _take_batch(tx, signed, command, at=at, line_of=line_of)
     known = tx.action(command.action_id) if isinstance(command, Do) else None
     is_cancelled = isinstance(command, Do) and tx.is_tombstoned(command.action_id)
@@ -91,7 +91,7 @@ def take_command(
         is_tombstoned=is_cancelled,
     )
     if answer.kind == action_states.ACCEPT and command.v != PROTOCOL_VERSION:
-        answer = Answer(
+        answer = HostAnswer(
             action_states.REFUSE, "envelope.version", f"version {command.v} is not spoken here"
         )
     if answer.kind == action_states.REFUSE:
@@ -112,7 +112,9 @@ def _dispatch_of(command: Command, floor: int) -> int:
 
 
 def _take_word(
-    tx: JournalWrite, signed: Signed, command: Cancel | Resolve | Reset | Halt | Release | Receive
+    tx: JournalWrite,
+    signed: Signed,
+    command: Cancel | Resolve | Reset | Halt | Release | Receive,
 ) -> Receipt:
     """Take a command that makes nothing act."""
     match command:
@@ -124,16 +126,17 @@ def _take_word(
             return _take_reset(tx, command)
         case Halt():
             is_new = halted_setpoints.take_halt(tx, command)
-            return Receipt(Answer(action_states.ACCEPT if is_new else action_states.DUPLICATE))
+            return Receipt(HostAnswer(action_states.ACCEPT if is_new else action_states.DUPLICATE))
         case Release() | Receive():
             return _take_custody(tx, command)
 
 
-def _refuse(tx: JournalWrite, command: Command, signed: Signed, answer: Answer) -> Receipt:
+def _refuse(tx: JournalWrite, command: Command, signed: Signed, answer: HostAnswer) -> Receipt:
     digest = hashlib.sha256(signed.body.encode()).hexdigest()
     action_id = command.action_id if isinstance(command, Do | Cancel | Resolve) else None
     subject = f"{answer.code}:{digest}"
-    record_refusal(tx, subject, action_id, answer, digest, command=type(command).__name__.lower())
+    name = str(command.__struct_config__.tag)
+    record_refusal(tx, subject, action_id, answer, digest, command=name)
     return Receipt(answer)
 
 
@@ -141,7 +144,7 @@ def record_refusal(
     tx: JournalWrite,
     subject: str,
     action_id: UUID | None,
-    answer: Answer,
+    answer: HostAnswer,
     digest: str,
     *,
     command: str = "",
@@ -169,9 +172,9 @@ def record_refusal(
 def _take_batch(
     tx: JournalWrite,
     signed: Signed,
-    command: Batch,
+    command: HostBatch,
     *,
-    at: Moment,
+    at: HostMoment,
     line_of: Callable[[UUID], str | None],
 ) -> Receipt:
     """Take a batch whole: when one member cannot be kept, none is.
@@ -182,7 +185,7 @@ def _take_batch(
         members = read_members(command)
     except (msgspec.MsgspecError, ValueError) as exc:
         return _refuse(
-            tx, command, signed, Answer(action_states.REFUSE, "envelope.malformed", str(exc))
+            tx, command, signed, HostAnswer(action_states.REFUSE, "envelope.malformed", str(exc))
         )
     known = [tx.state_of(do.action_id) for _, do in members]
     answer = action_states.decide_accept(
@@ -194,7 +197,7 @@ def _take_batch(
         is_tombstoned=False,
     )
     if answer.kind == action_states.ACCEPT and command.v != PROTOCOL_VERSION:
-        answer = Answer(
+        answer = HostAnswer(
             action_states.REFUSE, "envelope.version", f"version {command.v} is not spoken here"
         )
     if answer.kind == action_states.REFUSE:
@@ -217,8 +220,8 @@ def _named(lines: Iterable[str | None]) -> tuple[str, ...]:
 
 
 def _problem_of_batch(
-    tx: JournalWrite, command: Batch, members: Sequence[Do], lines: Mapping[UUID, str | None]
-) -> Answer | None:
+    tx: JournalWrite, command: HostBatch, members: Sequence[Do], lines: Mapping[UUID, str | None]
+) -> HostAnswer | None:
     """Say why a batch can never start here; None: it may be kept."""
     stale = stale_resource(tx, command.resources)
     if stale is not None:
@@ -235,9 +238,9 @@ def _take_do(
     signed: Signed,
     do: Do,
     *,
-    at: Moment,
+    at: HostMoment,
     line: str | None,
-    problem: Answer | None = None,
+    problem: HostAnswer | None = None,
 ) -> Receipt:
     problem = problem or _problem(tx, do, line)
     state = ActionState.REJECTED if problem else ActionState.ACCEPTED
@@ -265,30 +268,34 @@ def _take_do(
         tx.append(
             "rejected", do.action_id, {**body, "code": problem.code, "message": problem.message}
         )
-        return Receipt(Answer(action_states.REJECT, problem.code, problem.message))
+        return Receipt(HostAnswer(action_states.REJECT, problem.code, problem.message))
     adopt(tx, do.resources)
     tx.append("accepted", do.action_id, {**body, "line": line})
-    return Receipt(Answer(action_states.ACCEPT), line)
+    return Receipt(HostAnswer(action_states.ACCEPT), line)
 
 
-def _problem(tx: JournalWrite, do: Do, line: str | None) -> Answer | None:
+def _problem(tx: JournalWrite, do: Do, line: str | None) -> HostAnswer | None:
     """Say why a command can never start here; None: it may be kept."""
     try:
         operations.from_json(do.operation)
         msgspec.convert([*do.pre, *do.post], list[Condition])
     except msgspec.MsgspecError as exc:
-        return Answer(action_states.REJECT, "edge.malformed", f"the action cannot be read: {exc}")
+        return HostAnswer(
+            action_states.REJECT, "edge.malformed", f"the action cannot be read: {exc}"
+        )
     if not (math.isfinite(do.timeout_s) and do.timeout_s > 0 and do.ttl_s >= 0):
-        return Answer(action_states.REJECT, "edge.malformed", "timeout_s must be positive")
+        return HostAnswer(action_states.REJECT, "edge.malformed", "timeout_s must be positive")
     if line is None:
-        return Answer(action_states.REJECT, "edge.unknown_device", f"no device {do.device_id} here")
+        return HostAnswer(
+            action_states.REJECT, "edge.unknown_device", f"no device {do.device_id} here"
+        )
     stale = stale_resource(tx, do.resources)
     return None if stale is None else _stale(stale)
 
 
-def _stale(view: ResourceView) -> Answer:
+def _stale(view: ResourceView) -> HostAnswer:
     message = f"{view.name} is at revision {view.rev} here; the server knew an older one"
-    return Answer(action_states.REJECT, "edge.stale", message)
+    return HostAnswer(action_states.REJECT, "edge.stale", message)
 
 
 # --- custody, cancel, resolve, reset ---
@@ -301,7 +308,7 @@ def _take_custody(tx: JournalWrite, command: Release | Receive) -> Receipt:
     else:
         in_use = {node for row in tx.open_rows() for node in operations.touched_ids(row.operation)}
         is_new = resource_custody.take_release(tx, command, in_use=in_use)
-    return Receipt(Answer(action_states.ACCEPT if is_new else action_states.DUPLICATE))
+    return Receipt(HostAnswer(action_states.ACCEPT if is_new else action_states.DUPLICATE))
 
 
 def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:
@@ -315,29 +322,29 @@ def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:
     if row is None:
         if tx.add_tombstone(cancel.action_id, cancel.dseq):
             tx.append("stopped", cancel.action_id, {**body, "is_tombstone": True})
-        return Receipt(Answer(action_states.ACCEPT))
+        return Receipt(HostAnswer(action_states.ACCEPT))
     if row.st is ActionState.ACCEPTED:
         tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STOPPED)
         tx.append("stopped", row.action_id, {**body, "is_tombstone": False})
-        return Receipt(Answer(action_states.ACCEPT))
+        return Receipt(HostAnswer(action_states.ACCEPT))
     if row.st in {ActionState.STARTED, ActionState.ACTUATED}:
         if cancel.is_recall:
-            return Receipt(Answer(action_states.DUPLICATE))
+            return Receipt(HostAnswer(action_states.DUPLICATE))
         tx.want_cancel(row.action_id)
         paired_actions.halt_other(tx, row.do)
-        return Receipt(Answer(action_states.ACCEPT))
-    return Receipt(Answer(action_states.DUPLICATE))
+        return Receipt(HostAnswer(action_states.ACCEPT))
+    return Receipt(HostAnswer(action_states.DUPLICATE))
 
 
 def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt:
     row = tx.action(resolve.action_id)
     if row is None or row.st is not ActionState.IN_DOUBT:
-        return Receipt(Answer(action_states.DUPLICATE))
+        return Receipt(HostAnswer(action_states.DUPLICATE))
     found = action_states.resolve(resolve.answer, moved_nl=resolve.moved_nl)
     if found is None:
         text = f"{resolve.answer!r} with {resolve.moved_nl} nL answers nothing"
         return _refuse(
-            tx, resolve, signed, Answer(action_states.REFUSE, "envelope.bad_answer", text)
+            tx, resolve, signed, HostAnswer(action_states.REFUSE, "envelope.bad_answer", text)
         )
     state, outcome = found
     operation = row.operation
@@ -347,7 +354,7 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         )
     except LabError as exc:
         return _refuse(
-            tx, resolve, signed, Answer(action_states.REFUSE, exc.code, against_the_record(exc))
+            tx, resolve, signed, HostAnswer(action_states.REFUSE, exc.code, against_the_record(exc))
         )
     if outcome.kind is OutcomeKind.UNKNOWN:
         change = replace(change, data=settlement.given_up(operation))
@@ -369,7 +376,7 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         vanished_setpoints.note_complete(tx, row)
     if is_undone:
         halted_setpoints.write_halt(tx, row, halted_setpoints.WITH_ACTION)
-    return Receipt(Answer(action_states.ACCEPT), row.line)
+    return Receipt(HostAnswer(action_states.ACCEPT), row.line)
 
 
 def _take_reset(tx: JournalWrite, reset: Reset) -> Receipt:
@@ -380,7 +387,7 @@ def _take_reset(tx: JournalWrite, reset: Reset) -> Receipt:
     is_released = tx.meta().get("stop_id") == str(reset.stop_id)
     subject = f"reset:{reset.stop_id}"
     if not is_released and not tx.is_first_refusal(subject):
-        return Receipt(Answer(action_states.DUPLICATE))
+        return Receipt(HostAnswer(action_states.DUPLICATE))
     if is_released:
         tx.set_meta("stop_id", None)
     body = {
@@ -390,4 +397,4 @@ def _take_reset(tx: JournalWrite, reset: Reset) -> Receipt:
         "issued_by": reset.issued_by,
     }
     tx.append("stop_reset", None, body)
-    return Receipt(Answer(action_states.ACCEPT))
+    return Receipt(HostAnswer(action_states.ACCEPT))

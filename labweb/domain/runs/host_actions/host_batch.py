@@ -12,12 +12,18 @@ from enum import StrEnum
 from typing import Protocol
 from uuid import UUID
 
-from labweb.domain.messages.commands import Batch, BatchPart, Do, decode_command
+from labweb.domain.messages.commands import BatchPart, Do, HostBatch, decode_command
 from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.dispatch.job_scheduler import JobView, pair_of
 from labweb.domain.runs.exclusive_use.action_locks import Lock
 from labweb.domain.runs.host_journal import paired_actions
-from labweb.domain.runs.host_journal.action_states import FINAL, HOLD, REJECT, ActionState, Answer
+from labweb.domain.runs.host_journal.action_states import (
+    FINAL,
+    HOLD,
+    REJECT,
+    ActionState,
+    HostAnswer,
+)
 from labweb.domain.runs.host_journal.journal_rows import JournalWrite
 from labweb.domain.runs.states.job_states import JobState
 from labweb.domain.workflows.plan import Execution
@@ -111,7 +117,7 @@ def shares(claims: Sequence[Collection[Lock]], wanted: Sequence[Lock]) -> list[l
 # --- the host's side ----------------------------------------------------------------
 
 
-def read_members(command: Batch) -> list[tuple[Signed, Do]]:
+def read_members(command: HostBatch) -> list[tuple[Signed, Do]]:
     """Read the members of a batch.
 
     Raises:
@@ -140,7 +146,7 @@ def read_members(command: Batch) -> list[tuple[Signed, Do]]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
+class BatchTurn:
     """What decides whether it is the turn of a member of a batch."""
 
     part: BatchPart
@@ -151,7 +157,7 @@ class Turn:
     """For how long the server has been away; None: it is there."""
 
 
-def decide_turn(turn: Turn) -> Answer | None:
+def decide_turn(turn: BatchTurn) -> HostAnswer | None:
     """Decide whether a member waits or is given back; None: it is its turn.
 
     An action before it that is in doubt is waited for: a person may say that it happened.
@@ -159,16 +165,16 @@ def decide_turn(turn: Turn) -> Answer | None:
     for state in turn.before:
         if state is None or (state in FINAL and state is not ActionState.COMPLETE):
             text = "what comes before it in the batch did not complete"
-            return Answer(REJECT, "edge.predecessor", text)
+            return HostAnswer(REJECT, "edge.predecessor", text)
     if any(state is not ActionState.COMPLETE for state in turn.before):
-        return Answer(HOLD, "edge.waits", "what comes before it in the batch is not complete")
+        return HostAnswer(HOLD, "edge.waits", "what comes before it in the batch is not complete")
     if turn.offline_s is None:
         return None
     part = turn.part
     may_go_on = part.on_disconnect == OnDisconnect.CONTINUE
     if may_go_on and turn.offline_s <= part.max_offline_s:
         return None
-    return Answer(HOLD, "edge.offline", f"the server has been away for {turn.offline_s:.0f} s")
+    return HostAnswer(HOLD, "edge.offline", f"the server has been away for {turn.offline_s:.0f} s")
 
 
 class States(Protocol):
@@ -178,12 +184,12 @@ class States(Protocol):
         """Return where an action stands, or None."""
 
 
-def turn_of(tx: States, part: BatchPart | None, offline_s: float | None) -> Turn | None:
+def turn_of(tx: States, part: BatchPart | None, offline_s: float | None) -> BatchTurn | None:
     """Read from the journal what decides about a member; None: it stands alone."""
     if part is None:
         return None
     before = tuple(tx.state_of(action_id) for action_id in part.after)
-    return Turn(part=part, before=before, offline_s=offline_s)
+    return BatchTurn(part=part, before=before, offline_s=offline_s)
 
 
 def stop_safely(tx: JournalWrite) -> list[UUID]:

@@ -16,11 +16,11 @@ from labweb.domain.canonical_json import canonical
 from labweb.domain.messages.commands import Tick
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.messages.session import Welcome
-from labweb.domain.messages.stops import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions.host_batch import stop_safely
 from labweb.domain.runs.host_journal.action_states import ActionState, HostState
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import JournalWrite
 
 STATE_KEYS = (
@@ -71,14 +71,14 @@ def _offline_since_s(text: str | None, boot_id: str) -> float | None:
     return float(mono_s) if known_boot_id == boot_id else 0.0
 
 
-def offline_s(state: HostState, at: Moment) -> float | None:
+def offline_s(state: HostState, at: HostMoment) -> float | None:
     """Return for how long the server has been away, on the monotonic clock; None: it is there."""
     if state.offline_since_s is None:
         return None
     return max(at.mono_s - state.offline_since_s, 0.0)
 
 
-def write_link_lost(tx: JournalWrite, at: Moment) -> list[UUID]:
+def write_link_lost(tx: JournalWrite, at: HostMoment) -> list[UUID]:
     """Remember since when the server is away, and stop what is to be stopped then.
 
     Returns:
@@ -91,7 +91,7 @@ def write_link_lost(tx: JournalWrite, at: Moment) -> list[UUID]:
     return stop_safely(tx)
 
 
-def write_server_clock(tx: JournalWrite, tick: Tick | None, asked_at: Moment) -> None:
+def write_server_clock(tx: JournalWrite, tick: Tick | None, asked_at: HostMoment) -> None:
     """Remember how far the server's clock is ahead of the own one, at most.
 
     Args:
@@ -162,7 +162,7 @@ def write_disarmed(tx: JournalWrite) -> None:
     tx.set_meta("armed_boot_id", None)
 
 
-def write_stop(tx: JournalWrite, stop: StopLab) -> None:
+def write_stop(tx: JournalWrite, stop: StopLabFrame) -> None:
     """Close the stop latch, and void what the devices are set to: their lines halt them all.
 
     Only a signed Reset opens it. What acts is stopped as by a cancel, also by a line that comes

@@ -11,8 +11,8 @@ from uuid import UUID
 from labweb.domain.action_files import NamedFile
 from labweb.domain.crutd.pre_and_postconditions import (
     Condition,
-    Result,
-    Verdict,
+    ConditionResult,
+    ConditionVerdict,
     Verification,
     verification_of,
 )
@@ -72,7 +72,7 @@ class HostState:
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class HostAnswer:
     """A decision with its reason."""
 
     kind: str
@@ -95,27 +95,27 @@ def decide_accept(
     dseq: int,
     known: ActionState | None,
     is_tombstoned: bool,
-) -> Answer:
+) -> HostAnswer:
     """Decide what to do with an envelope whose signature holds.
 
     A message of another epoch or below the floor is void: the server has other proof of
     what became of it, so it is dropped without a trace in the event log.
     """
     if host_id != host.host_id:
-        return Answer(REFUSE, "envelope.wrong_host", "the command names another host")
+        return HostAnswer(REFUSE, "envelope.wrong_host", "the command names another host")
     if known is not None:
-        return Answer(DUPLICATE)
+        return HostAnswer(DUPLICATE)
     if epoch != host.epoch:
-        return Answer(DROP, "envelope.old_epoch", f"epoch {epoch}, session is {host.epoch}")
+        return HostAnswer(DROP, "envelope.old_epoch", f"epoch {epoch}, session is {host.epoch}")
     if dseq < host.floor:
-        return Answer(DROP, "envelope.below_floor", f"dispatch {dseq}, floor is {host.floor}")
+        return HostAnswer(DROP, "envelope.below_floor", f"dispatch {dseq}, floor is {host.floor}")
     if is_tombstoned:
-        return Answer(REFUSE, "envelope.cancelled", "it was cancelled before it arrived")
-    return Answer(ACCEPT)
+        return HostAnswer(REFUSE, "envelope.cancelled", "it was cancelled before it arrived")
+    return HostAnswer(ACCEPT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class ActionCandidate:
     """The next accepted action of a device, with what decides whether it may start."""
 
     dseq: int
@@ -140,7 +140,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class HostScene:
     """What a worker knows when it wants to start an action."""
 
     pid: int
@@ -151,18 +151,18 @@ class Scene:
     context: dict[str, Any] = field(default_factory=dict)
     """Versions and readings of this moment, as `context_body` gives them."""
 
-    judged: Sequence[tuple[Condition, Result]] = ()
+    judged: Sequence[tuple[Condition, ConditionResult]] = ()
     """Pre-conditions with their verdicts on readings from just before."""
 
 
 def decide_start(
     host: HostState,
-    candidate: Candidate,
+    candidate: ActionCandidate,
     *,
-    turn: Answer | None = None,
+    turn: HostAnswer | None = None,
     findings: Sequence[Finding],
-    results: Sequence[Result],
-) -> Answer:
+    results: Sequence[ConditionResult],
+) -> HostAnswer:
     """Decide whether the next accepted action of a device may start now.
 
     HOLD leaves it accepted (a person or the server has to act first); REJECT ends it
@@ -172,46 +172,50 @@ def decide_start(
     if held is not None:
         return held
     if candidate.dseq < host.floor:
-        return Answer(REJECT, "edge.below_floor", "the server has given it up")
+        return HostAnswer(REJECT, "edge.below_floor", "the server has given it up")
     if candidate.dseq < candidate.max_fence:
         fence = candidate.max_fence
-        return Answer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
+        return HostAnswer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
     against = _decide_late(candidate) or turn
     if against is not None:
         return against
     if candidate.owes_halt:
-        return Answer(HOLD, "edge.halt_owed", "its device has to be halted first, once it answers")
+        return HostAnswer(
+            HOLD, "edge.halt_owed", "its device has to be halted first, once it answers"
+        )
     if findings:
-        return Answer(REJECT, findings[0].code, findings[0].message)
-    failed = [result for result in results if result.verdict is not Verdict.PASS]
+        return HostAnswer(REJECT, findings[0].code, findings[0].message)
+    failed = [result for result in results if result.verdict is not ConditionVerdict.PASS]
     if failed:
-        return Answer(REJECT, failed[0].name, failed[0].message)
-    return Answer(START)
+        return HostAnswer(REJECT, failed[0].name, failed[0].message)
+    return HostAnswer(START)
 
 
-def _decide_late(candidate: Candidate) -> Answer | None:
+def _decide_late(candidate: ActionCandidate) -> HostAnswer | None:
     """Reject what has waited for too long, be it for itself or for the numbers that it has."""
     age_s, ttl_s = candidate.age_s, candidate.ttl_s
     if age_s == NEVER_S:
-        return Answer(REJECT, "edge.rebooted", "the machine was restarted since it was accepted")
+        return HostAnswer(
+            REJECT, "edge.rebooted", "the machine was restarted since it was accepted"
+        )
     if age_s > ttl_s:
         why = "; its device is still to be halted first" if candidate.owes_halt else ""
         text = f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s{why}"
-        return Answer(REJECT, "edge.expired", text)
+        return HostAnswer(REJECT, "edge.expired", text)
     oldest_s = max(age_s, candidate.sent_age_s)
     if candidate.numbers_hold_s is not None and oldest_s >= candidate.numbers_hold_s:
         text = "the calibration that made its numbers has ended: calibrate the device, then resume"
-        return Answer(REJECT, "calibration.expired", text)
+        return HostAnswer(REJECT, "calibration.expired", text)
     return None
 
 
-def _decide_hold(host: HostState, device_blocked_by: str | None) -> Answer | None:
+def _decide_hold(host: HostState, device_blocked_by: str | None) -> HostAnswer | None:
     if host.stop_latched:
-        return Answer(HOLD, "edge.stopped", "the lab is stopped; a person has to reset it")
+        return HostAnswer(HOLD, "edge.stopped", "the lab is stopped; a person has to reset it")
     if host.armed_boot_id != host.boot_id:
-        return Answer(HOLD, "edge.not_armed", "the machine was restarted and nobody armed it")
+        return HostAnswer(HOLD, "edge.not_armed", "the machine was restarted and nobody armed it")
     if device_blocked_by is not None:
-        return Answer(HOLD, "edge.in_doubt", f"action {device_blocked_by} is in doubt here")
+        return HostAnswer(HOLD, "edge.in_doubt", f"action {device_blocked_by} is in doubt here")
     return None
 
 
@@ -255,7 +259,7 @@ class Conclusion:
 
 def conclude(
     report: Report,
-    post: Sequence[tuple[Condition, Result]],
+    post: Sequence[tuple[Condition, ConditionResult]],
     *,
     only_reads: bool = False,
     is_undone_by_halt: bool = False,
@@ -276,8 +280,8 @@ def conclude(
     failed = [
         result
         for condition, result in post
-        if result.verdict is Verdict.FAIL
-        or (result.verdict is Verdict.UNOBSERVABLE and not condition.may_stay_unconfirmed)
+        if result.verdict is ConditionVerdict.FAIL
+        or (result.verdict is ConditionVerdict.UNOBSERVABLE and not condition.may_stay_unconfirmed)
     ]
     if failed and only_reads:
         return Conclusion(
@@ -295,7 +299,9 @@ def conclude(
             code=failed[0].name,
             message=failed[0].message,
         )
-    unseen = [result.message for _, result in post if result.verdict is Verdict.UNOBSERVABLE]
+    unseen = [
+        result.message for _, result in post if result.verdict is ConditionVerdict.UNOBSERVABLE
+    ]
     return Conclusion(
         state=ActionState.COMPLETE,
         outcome=Outcome(kind=OutcomeKind.DONE, moved_nl=report.moved_nl, data=report.data),

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.crutd.pre_and_postconditions import Condition, Result, Verification
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult, Verification
 from labweb.domain.crutd.settlement import Change, Outcome
 from labweb.domain.runs.host_journal.action_states import Report
 
@@ -47,7 +47,7 @@ def report_from(body: Mapping[str, Any]) -> Report:
     return msgspec.convert(dict(body), Report)
 
 
-def results_body(results: Sequence[tuple[Condition, Result]]) -> list[dict[str, Any]]:
+def results_body(results: Sequence[tuple[Condition, ConditionResult]]) -> list[dict[str, Any]]:
     """Render the verdicts with their evidence."""
     return [plain(msgspec.to_builtins(result)) for _, result in results]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class HostMoment:
     """A moment by a host's own clocks."""
 
     boot_id: str

@@ -157,7 +157,7 @@ class Seal(msgspec.Struct, frozen=True, kw_only=True):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chain:
+class JournalChain:
     """A journal as its seal sees it."""
 
     journal_id: UUID
@@ -166,7 +166,7 @@ class Chain:
     """Hash of the event that the seal names; None: the journal has no such event."""
 
 
-def find_regression(chain: Chain, seal: Seal | None) -> str | None:
+def find_regression(chain: JournalChain, seal: Seal | None) -> str | None:
     """Say why a journal cannot be the newest one; None when nothing tells against it.
 
     A journal that was put back from a copy and has grown since is longer than its seal, so

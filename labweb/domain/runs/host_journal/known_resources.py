@@ -12,7 +12,7 @@ from labweb.domain.crutd.operations import Create
 from labweb.domain.crutd.settlement import Change, ResourceState, Snapshot
 from labweb.domain.messages.commands import ResourceView, StandingView
 from labweb.domain.resources.contents import LotId, add, remove
-from labweb.domain.resources.placement import Thing
+from labweb.domain.resources.placement import PlacedThing
 from labweb.domain.runs.host_journal.journal_rows import HeldResource, JournalWrite
 
 DEEPEST_TREE = 64
@@ -151,7 +151,7 @@ def _to_state(tx: JournalWrite, held: HeldResource) -> ResourceState:
         data=view.data,
         quarantined_by=held.quarantined_by,
         is_archived=view.is_archived,
-        there=tuple(Thing(one.id, one.name, one.kind) for one in view.there),
+        there=tuple(PlacedThing(one.id, one.name, one.kind) for one in view.there),
         sites_count=view.sites_count,
         knows_masses=False,
         ancestor_ids=_ancestors(tx, view.parent_id),

@@ -26,8 +26,13 @@ import msgspec
 from labweb.domain.errors import Effect
 from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_journal import action_states
-from labweb.domain.runs.host_journal.action_states import ActionState, Answer, Report, Scene
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.action_states import (
+    ActionState,
+    HostAnswer,
+    HostScene,
+    Report,
+)
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalWrite
 
 READY_S = 2.0
@@ -42,14 +47,14 @@ class Ready(msgspec.Struct, frozen=True, kw_only=True):
 
     boot_id: str
     mono_s: float
-    scene: Scene
+    scene: HostScene
 
-    def is_fresh(self, at: Moment) -> bool:
+    def is_fresh(self, at: HostMoment) -> bool:
         """Say whether it still counts."""
         return self.boot_id == at.boot_id and 0 <= at.mono_s - self.mono_s <= READY_S
 
 
-class Stand(Enum):
+class PairStand(Enum):
     """What the other action lets one do that its device has answered."""
 
     WAIT = "wait"
@@ -86,7 +91,7 @@ def gives(row: ActionRow, partner: ActionRow) -> bool:
     return row.dseq < partner.dseq
 
 
-def note_ready(tx: JournalWrite, row: ActionRow, at: Moment, scene: Scene) -> None:
+def note_ready(tx: JournalWrite, row: ActionRow, at: HostMoment, scene: HostScene) -> None:
     """Keep that a receiver may start as soon as its giver may."""
     ready = Ready(boot_id=at.boot_id, mono_s=at.mono_s, scene=scene)
     kept: dict[str, Any] = msgspec.to_builtins(ready)
@@ -127,7 +132,7 @@ def not_sent() -> Report:
     return Report(ok=False, effect=Effect.NONE, code="edge.partner", message=text)
 
 
-def readiness(row: ActionRow, at: Moment) -> Ready | None:
+def readiness(row: ActionRow, at: HostMoment) -> Ready | None:
     """Return what a line found before its action, if it still counts; None: it is not ready."""
     try:
         found = msgspec.json.decode(row.prestate or "{}", type=Ready)
@@ -136,30 +141,30 @@ def readiness(row: ActionRow, at: Moment) -> Ready | None:
     return found if found.is_fresh(at) else None
 
 
-def gone(partner: ActionRow | None, row: ActionRow) -> Answer | None:
+def gone(partner: ActionRow | None, row: ActionRow) -> HostAnswer | None:
     """Say why the other action will not start any more; None: it may."""
     if partner is not None and partner.st is ActionState.ACCEPTED:
         is_mutual = partner_of(partner.do) == row.action_id
         other = "the action that has to begin at the same moment names another one"
-        return None if is_mutual else Answer(action_states.REJECT, "edge.partner", other)
+        return None if is_mutual else HostAnswer(action_states.REJECT, "edge.partner", other)
     where = "is not here" if partner is None else f"is {partner.st.value}"
     text = f"the action that has to begin at the same moment {where}"
-    return Answer(action_states.REJECT, "edge.partner", text)
+    return HostAnswer(action_states.REJECT, "edge.partner", text)
 
 
-def stand(row: ActionRow, partner: ActionRow | None) -> Stand:
+def stand(row: ActionRow, partner: ActionRow | None) -> PairStand:
     """Say what the other action lets this one do, whose device has answered that all went well.
 
     The receiver goes on once the giver's device has answered too; the giver once the receiver is
     complete, with its conditions checked.
     """
     if partner is None:
-        return Stand.FAILED
+        return PairStand.FAILED
     if partner.st is ActionState.COMPLETE:
-        return Stand.GO_ON
+        return PairStand.GO_ON
     if partner.st is ActionState.ACTUATED:
-        return Stand.WAIT if gives(row, partner) else Stand.GO_ON
-    return Stand.WAIT if partner.st is ActionState.STARTED else Stand.FAILED
+        return PairStand.WAIT if gives(row, partner) else PairStand.GO_ON
+    return PairStand.WAIT if partner.st is ActionState.STARTED else PairStand.FAILED
 
 
 def failed(report: Report) -> Report:

@@ -34,7 +34,7 @@ class EnvironmentReading(msgspec.Struct, frozen=True, kw_only=True, forbid_unkno
     """How old it was, on the host's monotonic clock."""
 
 
-class Context(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ActionContext(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Versions and readings of one moment."""
 
     driver_digest: _Text
@@ -91,7 +91,7 @@ def _short(value: Any) -> Any:  # noqa: ANN401 - any JSON
 def read_context(value: Any) -> dict[str, Any] | None:  # noqa: ANN401 - hostile until parsed
     """Return a context that a host reported, as plain data; None: it is none."""
     try:
-        found = msgspec.convert(value, Context)
+        found = msgspec.convert(value, ActionContext)
     except msgspec.ValidationError:
         return None
     plain: dict[str, Any] = msgspec.to_builtins(found)

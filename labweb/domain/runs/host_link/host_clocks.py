@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import msgspec
 
 from labweb.domain.messages.events import EdgeEvent
-from labweb.domain.runs.host_journal.host_moment import Moment
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 
 DRIFT_RATIO = 1e-4
 """How far two clocks run apart at most, per second; quartz does so by half of it."""
@@ -28,7 +28,7 @@ MOST_ANCHORS = 48
 """Measures that a host keeps: enough for a night without the server, and the time after it."""
 
 
-class Anchor(msgspec.Struct, frozen=True, kw_only=True):
+class ClockAnchor(msgspec.Struct, frozen=True, kw_only=True):
     """One measure: at this reading of the host's clocks it was that time at the server."""
 
     boot_id: str
@@ -43,7 +43,7 @@ class Anchor(msgspec.Struct, frozen=True, kw_only=True):
 class Exchange:
     """A question and its answer, read by two clocks."""
 
-    asked: Moment
+    asked: HostMoment
     """By the host, before it asked."""
 
     heard_at_s: float
@@ -83,14 +83,14 @@ class Happened:
     """No clock told it: it lies between its cause and its reception, which is all that is known."""
 
 
-def anchor_of(exchange: Exchange) -> Anchor | None:
+def anchor_of(exchange: Exchange) -> ClockAnchor | None:
     """Return what an exchange measures; None: a clock was set meanwhile, so it measures nothing."""
     there_s = exchange.told_at_s - exchange.heard_at_s
     round_s = exchange.got_mono_s - exchange.asked.mono_s - there_s
     if there_s < 0 or round_s < -DRIFT_RATIO * there_s - READS_TO_S:
         return None
     half_s = (exchange.got_mono_s - exchange.asked.mono_s) / 2
-    return Anchor(
+    return ClockAnchor(
         boot_id=exchange.asked.boot_id,
         mono_s=exchange.asked.mono_s + half_s,
         wall_s=exchange.asked.wall_s + half_s,
@@ -99,7 +99,7 @@ def anchor_of(exchange: Exchange) -> Anchor | None:
     )
 
 
-def with_anchor(anchors: Sequence[Anchor], fresh: Anchor) -> tuple[Anchor, ...]:
+def with_anchor(anchors: Sequence[ClockAnchor], fresh: ClockAnchor) -> tuple[ClockAnchor, ...]:
     """Return the measures to keep, in order, with one more.
 
     One that says less than another about every moment is dropped; where there are too many, the
@@ -113,26 +113,26 @@ def with_anchor(anchors: Sequence[Anchor], fresh: Anchor) -> tuple[Anchor, ...]:
     return tuple(known)
 
 
-def _says_less(one: Anchor, than: Anchor) -> bool:
+def _says_less(one: ClockAnchor, than: ClockAnchor) -> bool:
     return one.boot_id == than.boot_id and _error_s(than, one.mono_s) <= one.error_s
 
 
-def _loss_s(one: Anchor, known: Iterable[Anchor]) -> float:
+def _loss_s(one: ClockAnchor, known: Iterable[ClockAnchor]) -> float:
     """Return how much less is known at a measure's own moment without it; its boot's last: all."""
     others = [o for o in known if o is not one and o.boot_id == one.boot_id]
     return min((_error_s(o, one.mono_s) for o in others), default=float("inf")) - one.error_s
 
 
-def _error_s(anchor: Anchor, mono_s: float) -> float:
+def _error_s(anchor: ClockAnchor, mono_s: float) -> float:
     return anchor.error_s + DRIFT_RATIO * abs(mono_s - anchor.mono_s)
 
 
-def _read(anchor: Anchor, at: Moment) -> Estimate:
+def _read(anchor: ClockAnchor, at: HostMoment) -> Estimate:
     gone_s = at.mono_s - anchor.mono_s
     return Estimate(anchor.server_at_s + gone_s, _error_s(anchor, at.mono_s))
 
 
-def estimate(anchors: Sequence[Anchor], at: Moment) -> Estimate:
+def estimate(anchors: Sequence[ClockAnchor], at: HostMoment) -> Estimate:
     """Return a moment of a host by the server's clock, by the measure that says most about it.
 
     Of a start of the machine in which nobody measured, the clock that is set is believed, as
@@ -147,22 +147,22 @@ def estimate(anchors: Sequence[Anchor], at: Moment) -> Estimate:
     return _believed(anchors, at) if best is None else _read(best, at)
 
 
-def best_of(anchors: Iterable[Anchor], at: Moment) -> Anchor | None:
+def best_of(anchors: Iterable[ClockAnchor], at: HostMoment) -> ClockAnchor | None:
     """Return the measure that says most about a moment; None: nobody measured in its boot."""
     same = (one for one in anchors if one.boot_id == at.boot_id)
     return min(same, key=lambda one: _error_s(one, at.mono_s), default=None)
 
 
-def dated(event: EdgeEvent, anchors: Sequence[Anchor]) -> EdgeEvent:
+def dated(event: EdgeEvent, anchors: Sequence[ClockAnchor]) -> EdgeEvent:
     """Return an event of a host with its moment by the server's clock."""
     if event.mono_s is None:
         return event
-    at = Moment(boot_id=event.boot_id, mono_s=event.mono_s, wall_s=event.at_s)
+    at = HostMoment(boot_id=event.boot_id, mono_s=event.mono_s, wall_s=event.at_s)
     found = estimate(anchors, at)
     return msgspec.structs.replace(event, happened_s=found.at_s, uncertainty_s=found.uncertainty_s)
 
 
-def _believed(anchors: Sequence[Anchor], at: Moment) -> Estimate:
+def _believed(anchors: Sequence[ClockAnchor], at: HostMoment) -> Estimate:
     last = max(anchors, key=lambda one: one.server_at_s, default=None)
     ahead_s = 0.0 if last is None else last.server_at_s - last.wall_s
     return Estimate(at.wall_s + ahead_s, None)

@@ -25,7 +25,7 @@ FORMAT, VERSION = "labweb events", 1
 _HEAD = {"format": FORMAT, "version": VERSION}
 
 
-class Line(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ExportLine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One line of the file."""
 
     n: int
@@ -54,7 +54,7 @@ def write(records: Iterable[tuple[str, Any]]) -> Iterator[bytes]:
         nonlocal prev, n
         n += 1
         prev = _hash_of(prev, n, kind, body)
-        return msgspec.json.encode(Line(n=n, kind=kind, body=body, hash=prev)) + b"\n"
+        return msgspec.json.encode(ExportLine(n=n, kind=kind, body=body, hash=prev)) + b"\n"
 
     yield sealed("head", _HEAD)
     for kind, body in records:
@@ -62,7 +62,7 @@ def write(records: Iterable[tuple[str, Any]]) -> Iterator[bytes]:
     yield sealed("end", {"lines": n})
 
 
-def read(raw: Iterable[bytes]) -> Iterator[Line]:
+def read(raw: Iterable[bytes]) -> Iterator[ExportLine]:
     """Yield the records of a file, head and end left out, a line at a time.
 
     Raises:
@@ -86,9 +86,9 @@ def read(raw: Iterable[bytes]) -> Iterator[Line]:
         raise bad_line(n + 1, "is missing: the end was cut off")
 
 
-def _line(n: int, text: bytes) -> Line:
+def _line(n: int, text: bytes) -> ExportLine:
     try:
-        line = msgspec.json.decode(text, type=Line)
+        line = msgspec.json.decode(text, type=ExportLine)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise bad_line(n, f"cannot be read: {error}") from error
     if line.n != n:

@@ -12,11 +12,11 @@ from msgspec import UNSET
 from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd.operations import Operation, Read, TransferLiquid, Update
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import check_arguments
 from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import Contents, LotId, Phase
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.role_requirements import (
     acting_node,
     beyond_limits,
@@ -24,7 +24,7 @@ from labweb.domain.workflows.passes.role_requirements import (
     read_statuses,
     recorded_data,
 )
-from labweb.domain.workflows.plan import Statement
+from labweb.domain.workflows.plan import LotStatement
 from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 from labweb.domain.workflows.workflow_file import Step
 
@@ -45,7 +45,7 @@ _TIMED = frozenset({"aspirate", "dispense", "hold", "wait"})
 class MassCheck:
     """A balance that must see what a dispense brings."""
 
-    balance: Device
+    balance: AdmittedDevice
     node_id: UUID
     may_stay_unconfirmed: bool = False
 
@@ -56,7 +56,7 @@ class DraftJob:
 
     step_id: str
     sentence: str
-    device: Device
+    device: AdmittedDevice
     action: str
     args: Mapping[str, Any]
     operation: Operation
@@ -74,7 +74,7 @@ class DraftJob:
     asks: str = ""
     """What a person has to confirm before it is sent to a host; empty: nothing."""
 
-    states: Statement | None = None
+    states: LotStatement | None = None
     """What a person states in its place; None: nothing."""
 
     choices: tuple[DraftJob, ...] = ()
@@ -103,7 +103,7 @@ class DraftStep:
 class Drafting:
     """What planning one workflow on one lab shares between its steps."""
 
-    view: LabView
+    view: PlannerView
     earlier: Mapping[str, frozenset[str]]
     """By step: the steps that are done before it starts."""
 
@@ -155,7 +155,7 @@ class Drafting:
     def job(  # noqa: PLR0913 - a job is what it is made of; all but four are keywords
         self,
         step: Step,
-        device: Device,
+        device: AdmittedDevice,
         action: str,
         args: Mapping[str, Any],
         *,
@@ -213,7 +213,7 @@ class Drafting:
             mass_check=mass_check,
         )
 
-    def _is_in_time(self, step: Step, device: Device, action: str, takes_s: float) -> bool:
+    def _is_in_time(self, step: Step, device: AdmittedDevice, action: str, takes_s: float) -> bool:
         limit_s = device.spec.action(action).timeout_s
         if action not in _TIMED or limit_s is None or takes_s <= limit_s:
             return True

@@ -9,7 +9,7 @@ from uuid import UUID
 
 from labweb.domain.crutd.settlement import ResourceState, Snapshot
 from labweb.domain.crutd.snapshot import Facts
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.graph.ports_and_connections import Medium, PhysicalGraph
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.resource import Resource
@@ -20,12 +20,12 @@ _CARRYING = (Medium.THERMAL, Medium.MECHANICAL)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LabView:
+class PlannerView:
     """One lab at one moment."""
 
     tree: Tree
     graph: PhysicalGraph
-    devices: tuple[Device, ...]
+    devices: tuple[AdmittedDevice, ...]
     """Devices that are admitted; nothing else may act."""
 
     snapshot: Snapshot
@@ -44,12 +44,12 @@ class LabView:
     """Material by its key."""
 
     @cached_property
-    def devices_by_key(self) -> tuple[Device, ...]:
+    def devices_by_key(self) -> tuple[AdmittedDevice, ...]:
         """Devices in the order in which ties are broken."""
         return tuple(sorted(self.devices, key=lambda device: (device.key, device.id)))
 
     @cached_property
-    def device_by_node(self) -> dict[UUID, Device]:
+    def device_by_node(self) -> dict[UUID, AdmittedDevice]:
         """Device by each of its resources."""
         return {node: device for device in self.devices_by_key for node in device.nodes.values()}
 
@@ -59,7 +59,7 @@ class LabView:
         names = {str(device.id): device.name for device in self.devices}
         return names | {str(resource.id): resource.name for resource in self.tree.resources}
 
-    def find_device(self, reference: UUID) -> Device | None:
+    def find_device(self, reference: UUID) -> AdmittedDevice | None:
         """Return the device of that id, or the one that has a resource of that id."""
         found = next((device for device in self.devices if device.id == reference), None)
         return found or self.device_by_node.get(reference)
@@ -86,7 +86,7 @@ class LabView:
                     seen.add(other.id)
                     yield other
 
-    def carried(self, resource_id: UUID, place_id: UUID) -> LabView:
+    def carried(self, resource_id: UUID, place_id: UUID) -> PlannerView:
         """Return the lab as it is once a thing, with all in it, stands in another place."""
         resources = tuple(
             replace(one, parent_id=place_id) if one.id == resource_id else one
@@ -94,7 +94,7 @@ class LabView:
         )
         return replace(self, tree=Tree(resources))
 
-    def vessels_on(self, device: Device) -> set[UUID]:
+    def vessels_on(self, device: AdmittedDevice) -> set[UUID]:
         """Return the vessels that stand on or are coupled to a device's resources."""
         nodes = set(device.nodes.values())
         found = {
@@ -111,7 +111,7 @@ class LabView:
                     found |= {e for e in ends if e in self.tree.by_id} - nodes
         return found
 
-    def cells_of(self, device: Device) -> set[UUID]:
+    def cells_of(self, device: AdmittedDevice) -> set[UUID]:
         """Return the vessels to which a device's electrodes are connected.
 
         The electrical connection ends at the vessel, or at the place in which it stands.

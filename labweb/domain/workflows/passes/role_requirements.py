@@ -9,7 +9,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import ParameterSpec
 from labweb.domain.errors import Finding
 from labweb.domain.resources.resource_tree import Tree
@@ -26,29 +26,29 @@ SPEED_TOLERANCE_RPM = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class RoleOffer:
     """Actions and statuses by which a device is known to play a role."""
 
     actions: tuple[str, ...]
     statuses: tuple[str, ...] = ()
 
 
-OFFERS: Mapping[str, Offer] = {
-    "pump": Offer(("initialize", "aspirate", "dispense"), ("volume_ul", "is_initialized")),
-    "valve": Offer(("select_port",), ("port_index",)),
-    "heater": Offer(("heat_to", "hold", "stop_heating"), ("temperature_c",)),
-    "thermostat": Offer(("reach_temperature", "hold", "stop_control"), ("temperature_c",)),
-    "rotary_evaporator": Offer(
+OFFERS: Mapping[str, RoleOffer] = {
+    "pump": RoleOffer(("initialize", "aspirate", "dispense"), ("volume_ul", "is_initialized")),
+    "valve": RoleOffer(("select_port",), ("port_index",)),
+    "heater": RoleOffer(("heat_to", "hold", "stop_heating"), ("temperature_c",)),
+    "thermostat": RoleOffer(("reach_temperature", "hold", "stop_control"), ("temperature_c",)),
+    "rotary_evaporator": RoleOffer(
         ("heat_bath_to", "rotate", "lower_flask", "raise_flask", "stop_rotating", "stop_heating")
     ),
-    "vacuum_controller": Offer(("evacuate_to", "stop_pump", "vent"), ("pressure_kpa",)),
-    "stirrer": Offer(("stir", "stop_stirring"), ("speed_rpm",)),
-    "balance": Offer(("weigh",), ("mass_mg", "is_stable")),
-    "ph": Offer(("measure",), ("value_ph",)),
-    "thermometer": Offer(("measure",), ("temperature_c",)),
-    "timer": Offer(("wait",)),
-    "camera": Offer(("look",), ("sighting",)),
-    "arm": Offer(("run_program", "stop_program"), ("is_running",)),
+    "vacuum_controller": RoleOffer(("evacuate_to", "stop_pump", "vent"), ("pressure_kpa",)),
+    "stirrer": RoleOffer(("stir", "stop_stirring"), ("speed_rpm",)),
+    "balance": RoleOffer(("weigh",), ("mass_mg", "is_stable")),
+    "ph": RoleOffer(("measure",), ("value_ph",)),
+    "thermometer": RoleOffer(("measure",), ("temperature_c",)),
+    "timer": RoleOffer(("wait",)),
+    "camera": RoleOffer(("look",), ("sighting",)),
+    "arm": RoleOffer(("run_program", "stop_program"), ("is_running",)),
 }
 """Role by name. A device plays it when its driver declares all of these."""
 
@@ -60,7 +60,7 @@ READ_BEFORE: Mapping[str, tuple[str, ...]] = {
 """Statuses of pump and valve that a plan has the host read before an action starts."""
 
 
-def plays(device: Device, role: str) -> bool:
+def plays(device: AdmittedDevice, role: str) -> bool:
     """Tell whether a device's driver declares all that a role needs."""
     offer = OFFERS[role]
     actions = {action.name for action in device.spec.actions}
@@ -68,7 +68,7 @@ def plays(device: Device, role: str) -> bool:
     return actions.issuperset(offer.actions) and statuses.issuperset(offer.statuses)
 
 
-def acting_node(device: Device, action: str) -> UUID | None:
+def acting_node(device: AdmittedDevice, action: str) -> UUID | None:
     """Return the resource that acts: the node of the action's role, or the only one.
 
     A driver of two trades, as a heater that stirs, may act through a node for each of them.
@@ -82,7 +82,7 @@ def acting_node(device: Device, action: str) -> UUID | None:
     return nodes.pop() if len(nodes) == 1 else None
 
 
-def setting(device: Device, name: str) -> float | None:
+def setting(device: AdmittedDevice, name: str) -> float | None:
     """Return a number from the device's settings, or its driver's default for it."""
     value = device.config.get(name)
     if value is None:
@@ -97,7 +97,7 @@ def _number(value: object) -> float | None:
 
 
 def beyond_limits(
-    device: Device, action: str, args: Mapping[str, Any], tree: Tree
+    device: AdmittedDevice, action: str, args: Mapping[str, Any], tree: Tree
 ) -> list[Finding]:
     """List the arguments beyond a `min_…` or `max_…` of the device's settings or its resources.
 
@@ -119,7 +119,7 @@ def beyond_limits(
     return found
 
 
-def _limits(device: Device, argument: ParameterSpec, tree: Tree) -> tuple[float, float]:
+def _limits(device: AdmittedDevice, argument: ParameterSpec, tree: Tree) -> tuple[float, float]:
     """Return between which values an argument may be; infinite where nobody says so."""
     nodes = map(tree.by_id.get, device.nodes.values())
     configs = [one.config for one in nodes if one is not None]
@@ -156,7 +156,7 @@ def recorded_data(action: str, args: Mapping[str, Any]) -> dict[str, Any]:
             return {}
 
 
-def read_statuses(device: Device, action: str) -> tuple[str, ...]:
+def read_statuses(device: AdmittedDevice, action: str) -> tuple[str, ...]:
     """Return the statuses that a reading action keeps with its event."""
     told = tuple(status.name for status in device.spec.statuses)
     wanted = {"weigh": ("mass_mg",), "measure": ("value_ph", "temperature_c")}.get(action, told)
@@ -179,7 +179,9 @@ READ_AFTER: Mapping[str, str] = {
 """Status that a plan has the host read after an action, where the device tells it."""
 
 
-def post_conditions(device: Device, action: str, args: Mapping[str, Any]) -> tuple[Condition, ...]:
+def post_conditions(
+    device: AdmittedDevice, action: str, args: Mapping[str, Any]
+) -> tuple[Condition, ...]:
     """Return what the device's own statuses must say after an action."""
     conditions = {
         "select_port": lambda: _equals(device, "valve.at_port", "port_index", args["port_index"]),
@@ -220,11 +222,13 @@ def post_conditions(device: Device, action: str, args: Mapping[str, Any]) -> tup
     return (condition,) if condition.status in told else ()
 
 
-def _equals(device: Device, name: str, status: str, value: bool | int) -> Condition:  # noqa: FBT001 - as in Condition
+def _equals(device: AdmittedDevice, name: str, status: str, value: bool | int) -> Condition:  # noqa: FBT001 - as in Condition
     return Condition(name=name, device_id=device.id, status=status, equals=value)
 
 
-def _near(device: Device, name: str, status: str, value: float, tolerance: float) -> Condition:
+def _near(
+    device: AdmittedDevice, name: str, status: str, value: float, tolerance: float
+) -> Condition:
     return Condition(
         name=name, device_id=device.id, status=status, low=value, high=value, tolerance=tolerance
     )

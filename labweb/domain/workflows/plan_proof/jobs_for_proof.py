@@ -15,7 +15,7 @@ from labweb.domain.crutd.operations import (
 )
 from labweb.domain.crutd.snapshot import ResourceState
 from labweb.domain.errors import UnitError
-from labweb.domain.graph.elements import Element, Role
+from labweb.domain.graph.elements import Element, ElementRole
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
 from labweb.domain.proof.plan_read import mass_units
 from labweb.domain.resources.contents import LotId, total_nl
@@ -28,7 +28,7 @@ NL_PER_UL = 1000
 
 def sized(element: Element, state: ResourceState | None) -> Element:
     """Give a syringe the volume that the record has of it."""
-    if element.role is not Role.PUMP or state is None:
+    if element.role is not ElementRole.PUMP or state is None:
         return element
     return replace(element, capacity_nl=state.capacity_nl)
 

@@ -12,14 +12,14 @@ from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents
 from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.resources.resource_kinds import is_vessel
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.plan_proof.jobs_for_proof import contents, sized
 
 SYRINGE = "syringe_pump"
 """Kind of a resource that liquid only passes through."""
 
 
-def plumbing_of(lab: LabView, used: Set[UUID]) -> Rig:
+def plumbing_of(lab: PlannerView, used: Set[UUID]) -> Rig:
     """Return the plumbing of a lab, as far as anything is joined or used."""
     ends = ((one.source, one.target) for one in lab.graph.connections)
     joined = {end.resource_id for pair in ends for end in pair} | used
@@ -37,7 +37,7 @@ def plumbing_of(lab: LabView, used: Set[UUID]) -> Rig:
     return replace(rig, elements=tuple(elements))
 
 
-def contents_of(lab: LabView, used: Set[UUID]) -> dict[str, Contents]:
+def contents_of(lab: PlannerView, used: Set[UUID]) -> dict[str, Contents]:
     """Return what is in the vessels that are used, by their keys, before the first step."""
     return {
         lab.tree.find(node).key: contents(state.contents, solids_of(lab, state))
@@ -46,7 +46,7 @@ def contents_of(lab: LabView, used: Set[UUID]) -> dict[str, Contents]:
     }
 
 
-def capacities_of(lab: LabView, used: Set[UUID]) -> dict[str, int]:
+def capacities_of(lab: PlannerView, used: Set[UUID]) -> dict[str, int]:
     """Return how much these vessels hold, in the units of the proof."""
     return {
         lab.tree.find(node).key: state.capacity_nl * UNITS_PER_NL
@@ -55,18 +55,18 @@ def capacities_of(lab: LabView, used: Set[UUID]) -> dict[str, int]:
     }
 
 
-def solids_of(lab: LabView, state: ResourceState) -> Mapping[LotId, int]:
+def solids_of(lab: PlannerView, state: ResourceState) -> Mapping[LotId, int]:
     """Return the lots of a vessel that are no gas, of those that are counted by mass, in µg."""
     return {lot: ug for lot, ug in state.masses.items() if ug and not is_gas(lab, lot)}
 
 
-def is_gas(lab: LabView, lot: str) -> bool:
+def is_gas(lab: PlannerView, lot: str) -> bool:
     """Tell whether a lot is known to be a gas, which no proof follows."""
     known = None if lab.facts is None else lab.facts.lots.get(LotId(lot))
     return known is not None and known.phase is Phase.GAS
 
 
-def _vessels(lab: LabView, used: Set[UUID]) -> Iterator[tuple[UUID, ResourceState]]:
+def _vessels(lab: PlannerView, used: Set[UUID]) -> Iterator[tuple[UUID, ResourceState]]:
     for node in sorted(used):
         state = lab.state(node)
         if state is not None and is_vessel(state.kind) and state.kind != SYRINGE:

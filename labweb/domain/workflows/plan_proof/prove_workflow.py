@@ -19,15 +19,20 @@ from typing import Any
 from labweb.domain.errors import Finding, InfeasibleError
 from labweb.domain.proof import plan_read as proved
 from labweb.domain.proof.execute_plan import execute
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.plan import Plan, PlannedJob
 from labweb.domain.workflows.plan_proof.lab_for_proof import capacities_of, contents_of, plumbing_of
-from labweb.domain.workflows.plan_proof.step_claims import NOT_PROVED, Beyond, Reading, not_done
+from labweb.domain.workflows.plan_proof.step_claims import (
+    NOT_PROVED,
+    Beyond,
+    ClaimReading,
+    not_done,
+)
 from labweb.domain.workflows.workflow_file import Step, Workflow, bind_materials
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proof:
+class WorkflowProof:
     """What came of carrying a plan out on paper."""
 
     findings: tuple[Finding, ...] = ()
@@ -55,7 +60,7 @@ class Proof:
         return {"steps": list(self.covered), "beyond": beyond}
 
 
-def prove_plan(workflow: Workflow, plan: Plan, lab: LabView) -> Proof:
+def prove_plan(workflow: Workflow, plan: Plan, lab: PlannerView) -> WorkflowProof:
     """Carry the plan of a workflow out on paper, on the lab as it is.
 
     Args:
@@ -75,15 +80,15 @@ def prove_plan(workflow: Workflow, plan: Plan, lab: LabView) -> Proof:
     jobs: dict[str, list[PlannedJob]] = {}
     for job in plan.jobs:
         jobs.setdefault(job.step_id, []).append(job)
-    reading = Reading(lab)
-    read: list[tuple[Step, proved.Step]] = []
+    reading = ClaimReading(lab)
+    read: list[tuple[Step, proved.ProofStep]] = []
     order = [told.step_id for told in plan.steps]
     findings = _others(steps, order, jobs, lab)
     for step in (steps[step_id] for step_id in dict.fromkeys(order) if step_id in steps):
         made = reading.step(step, jobs.get(step.id, []))
         read += [(step, made)] if made is not None else []
     # The record refuses unordered steps that share anything, so one order stands for all.
-    paper = proved.Plan(
+    paper = proved.ProofPlan(
         steps=tuple(
             replace(one, id=place, after=tuple(range(1, place)))
             for place, (_, one) in enumerate(read, start=1)
@@ -94,7 +99,7 @@ def prove_plan(workflow: Workflow, plan: Plan, lab: LabView) -> Proof:
     state = execute(plumbing_of(lab, reading.used), paper)
     of = {f"step {place}": step for place, (step, _) in enumerate(read, start=1)}
     findings += [*reading.findings, *(_told(one, of, lab) for one in state.findings)]
-    return Proof(
+    return WorkflowProof(
         findings=tuple(findings),
         covered=tuple(step.id for step, _ in read),
         beyond=tuple(reading.beyond),
@@ -105,7 +110,7 @@ def _others(
     steps: Mapping[str, Step],
     order: Sequence[str],
     jobs: Mapping[str, Sequence[PlannedJob]],
-    lab: LabView,
+    lab: PlannerView,
 ) -> list[Finding]:
     """List the steps that a plan leaves out or has twice, and the jobs of no step of it."""
     wrong = [step for step_id, step in steps.items() if order.count(step_id) != 1]
@@ -121,7 +126,7 @@ def _others(
     return found
 
 
-def _told(found: Finding, of: Mapping[str, Step], lab: LabView) -> Finding:
+def _told(found: Finding, of: Mapping[str, Step], lab: PlannerView) -> Finding:
     """Say what the proof found, at the step that a person has drawn."""
     step = of.get(found.subject)
     what = found.message.removeprefix(f"{found.subject}: ")

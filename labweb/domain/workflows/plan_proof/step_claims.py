@@ -20,16 +20,16 @@ from labweb.domain.messages.plan_fields import (
     Become,
     Draw,
     HandSolid,
-    Port,
     Stroke,
+    ValvePort,
 )
 from labweb.domain.messages.step_claims import Claim
 from labweb.domain.proof import plan_read as proved
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.role_requirements import acting_node
-from labweb.domain.workflows.plan import PlannedJob, Statement
+from labweb.domain.workflows.plan import LotStatement, PlannedJob
 from labweb.domain.workflows.plan_proof.jobs_for_proof import (
     NL_PER_UL,
     asked,
@@ -58,16 +58,16 @@ class Beyond:
     why: str
 
 
-def not_done(step: Step, lab: LabView, what: str) -> str:
+def not_done(step: Step, lab: PlannerView, what: str) -> str:
     """Say that a plan does not do what a step asks for, and what it would do."""
     text = sentence_text(step.kind, step.params, lab.names)
     return f"{text}: the plan would do something else: {what}"
 
 
-class Reading:
+class ClaimReading:
     """Reads steps and their jobs, and remembers what nobody knows any more."""
 
-    def __init__(self, lab: LabView) -> None:
+    def __init__(self, lab: PlannerView) -> None:
         self.findings: list[Finding] = []
         self.beyond: list[Beyond] = []
         self._lab = lab
@@ -82,7 +82,7 @@ class Reading:
         self._made: dict[str, str] = {}
         """Lots that reactions of this plan make → their keys, by which paper knows them."""
 
-    def step(self, step: Step, jobs: Sequence[PlannedJob]) -> proved.Step | None:
+    def step(self, step: Step, jobs: Sequence[PlannedJob]) -> proved.ProofStep | None:
         """Return a step as the proof reads it; None: it moves no matter, or is beyond it."""
         touched = {node for job in jobs for node in changed(job)}
         later = _left_open(step, jobs)
@@ -118,7 +118,7 @@ class Reading:
             self._check_record(step, jobs)
         self.used |= nodes
         known = (tuple(one for one in group if one is not None) for group in groups)
-        return proved.Step(0, claim, tuple(group for group in known if group), (), 0.0)
+        return proved.ProofStep(0, claim, tuple(group for group in known if group), (), 0.0)
 
     def _groups(self, step: Step, jobs: Sequence[PlannedJob]) -> list[list[proved.Action | None]]:
         """Return what moves, in groups of what begins at the same moment."""
@@ -312,7 +312,7 @@ class Reading:
         self.used.add(node)
         if job.action == "select_port":
             return proved.Action(
-                self._key(node), "set_port", Port(port=str(job.args["port_index"]))
+                self._key(node), "set_port", ValvePort(port=str(job.args["port_index"]))
             )
         ul, rate = asked(job, "volume_ul"), asked(job, "rate_ul_s")
         stroke = Stroke(volume_ul=ul, rate_ul_s=rate)
@@ -379,7 +379,7 @@ class Reading:
 def _left_open(step: Step, jobs: Sequence[PlannedJob]) -> str | None:
     """Return what a person states during the run, as they call it; None: nothing."""
     later = STEP_KINDS[step.kind].left_open(step.params)
-    asked = (job.states.label for job in jobs if isinstance(job.states, Statement))
+    asked = (job.states.label for job in jobs if isinstance(job.states, LotStatement))
     return next(asked, None) if later is None else later.label
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from labweb.domain.workflows.unit_operations.unit_operation import (
-    Matter,
     Moves,
     ParameterSort,
+    StepMatter,
     StepParameter,
     UnitOperation,
     advanced,
@@ -21,7 +21,7 @@ from labweb.domain.workflows.unit_operations.unit_operation import (
 
 REACT = UnitOperation(
     kind="react",
-    matter=Matter(
+    matter=StepMatter(
         moves=Moves.REACTION,
         source="vessel",
         target="vessel",
@@ -117,7 +117,7 @@ CHEMISTRY_STEPS = (
     ),
     UnitOperation(
         kind="separate",
-        matter=Matter(moves=Moves.LAYER, source="vessel", target="target", stated="lower"),
+        matter=StepMatter(moves=Moves.LAYER, source="vessel", target="target", stated="lower"),
         label="Draw the lower layer",
         help="Let two layers part, and draw the lower one out at the bottom.",
         parameters=(
@@ -146,7 +146,9 @@ CHEMISTRY_STEPS = (
     ),
     UnitOperation(
         kind="evaporate",
-        matter=Matter(moves=Moves.VAPOUR, source="vessel", target="receiver", stated="boils_off"),
+        matter=StepMatter(
+            moves=Moves.VAPOUR, source="vessel", target="receiver", stated="boils_off"
+        ),
         label="Evaporate",
         help="Boil solvents off a rotating flask under vacuum, into the receiving flask.",
         parameters=(
@@ -186,7 +188,7 @@ CHEMISTRY_STEPS = (
     ),
     UnitOperation(
         kind="push_gas",
-        matter=Matter(moves=Moves.GAS, source="gas", target="target"),
+        matter=StepMatter(moves=Moves.GAS, source="gas", target="target"),
         label="Push with gas",
         help="Push a gas through a syringe into a vessel, with what is left in the tube to it.",
         parameters=(

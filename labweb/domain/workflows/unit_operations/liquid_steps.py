@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from labweb.domain.workflows.unit_operations.unit_operation import (
-    Matter,
     Moves,
+    StepMatter,
     UnitOperation,
     advanced,
     device,
@@ -31,7 +31,7 @@ UNCONFIRMED_CLAUSE = f", which may stay unconfirmed{{{MAY_STAY_UNCONFIRMED}}}"
 
 TRANSFER = UnitOperation(
     kind="transfer",
-    matter=Matter(moves=Moves.LIQUID, source="source", target="target"),
+    matter=StepMatter(moves=Moves.LIQUID, source="source", target="target"),
     label="Transfer",
     help="Move liquid from one vessel to another with a syringe pump.",
     parameters=(
@@ -100,7 +100,7 @@ TRANSFER = UnitOperation(
 
 EMPTY_SYRINGE = UnitOperation(
     kind="empty_syringe",
-    matter=Matter(unproved="where the liquid in the syringe came from is not followed"),
+    matter=StepMatter(unproved="where the liquid in the syringe came from is not followed"),
     label="Empty the syringe",
     help="Push out everything a syringe holds by the record, in one stroke.",
     parameters=(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from labweb.domain.workflows.unit_operations.unit_operation import (
-    Matter,
     Moves,
+    StepMatter,
     UnitOperation,
     quantity,
     text,
@@ -31,7 +31,7 @@ PERSON_STEPS = (
     ),
     UnitOperation(
         kind="add_solid",
-        matter=Matter(moves=Moves.SOLID, source="source", target="target"),
+        matter=StepMatter(moves=Moves.SOLID, source="source", target="target"),
         label="Add a solid by hand",
         help="A person weighs a solid in, confirms it on the page of the run, and the record "
         "follows.",

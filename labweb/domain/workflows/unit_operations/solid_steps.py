@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from labweb.domain.workflows.unit_operations.unit_operation import (
-    Matter,
     Moves,
+    StepMatter,
     UnitOperation,
     advanced,
     device,
@@ -18,7 +18,7 @@ from labweb.domain.workflows.unit_operations.unit_operation import (
 SOLID_STEPS = (
     UnitOperation(
         kind="filter",
-        matter=Matter(moves=Moves.FILTRATE, source="vessel", target="target", stated="stays"),
+        matter=StepMatter(moves=Moves.FILTRATE, source="vessel", target="target", stated="stays"),
         label="Filter",
         help="Draw all liquid of a filter off at its bottom; the solids stay on it as stated.",
         parameters=(
@@ -36,7 +36,9 @@ SOLID_STEPS = (
     ),
     UnitOperation(
         kind="dry",
-        matter=Matter(moves=Moves.VAPOUR, source="vessel", target="receiver", stated="dries_off"),
+        matter=StepMatter(
+            moves=Moves.VAPOUR, source="vessel", target="receiver", stated="dries_off"
+        ),
         label="Dry",
         help="Keep a vessel under vacuum for a time, then let air in.",
         parameters=(

@@ -23,9 +23,9 @@ from labweb.domain.workflows.unit_operations.solid_steps import SOLID_STEPS
 from labweb.domain.workflows.unit_operations.unit_operation import (
     LONGEST_QUANTITY,
     LONGEST_REFERENCE,
-    Matter,
     ParameterSort,
     PortKind,
+    StepMatter,
     StepParameter,
     StepPort,
     UnitOperation,
@@ -85,7 +85,7 @@ _CALLED = (
 )
 """Which action of a device is called, and with what."""
 
-_BY_DRIVER = Matter(unproved="what the action of a driver does to matter is not followed")
+_BY_DRIVER = StepMatter(unproved="what the action of a driver does to matter is not followed")
 
 STEP_KINDS: Mapping[str, UnitOperation] = {
     operation.kind: operation

@@ -162,7 +162,7 @@ class Moves(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Matter:
+class StepMatter:
     """What a step does to matter, for the proof; a step without it may change none."""
 
     moves: Moves | None = None
@@ -193,7 +193,7 @@ class UnitOperation:
     measures: str = ""
     """Label of the value it gives, "" when it measures nothing."""
 
-    matter: Matter | None = None
+    matter: StepMatter | None = None
 
     def parameter(self, name: str) -> StepParameter | None:
         """Return the parameter of that name, or None."""

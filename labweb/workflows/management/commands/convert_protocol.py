@@ -15,7 +15,7 @@ from labweb.domain.errors import Finding, LabError, LabFileError
 from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.recipes.compile_recipe_file import digest, read_recipe, workflow_of
-from labweb.domain.recipes.recipe_to_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from labweb.domain.recipes.workflow_on_rig import workflow_on_rig
 from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import parse_pairs
 from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
@@ -105,7 +105,7 @@ class Command(FileCommand):
         if recipe.is_compiled or len(recipe.syntheses) != 1:
             render_as(recipe, "2.0")
             raise CommandError(f"the file holds {len(recipe.syntheses)} syntheses: keep one")
-        wish = Wish(
+        wish = CompileWish(
             bind=keys,
             parameters=parameters,
             primes=options["prime"],

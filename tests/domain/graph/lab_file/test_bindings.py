@@ -8,7 +8,7 @@ import pytest
 
 from labweb.domain.errors import LabFileError
 from labweb.domain.graph.lab_file.apply_binding import apply_binding
-from labweb.domain.graph.lab_file.binding_file import Binding, read_binding
+from labweb.domain.graph.lab_file.binding_file import BindingFile, read_binding
 from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
 from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
@@ -48,7 +48,7 @@ def station() -> Value:
     }
 
 
-def bind(value: Value, binding: Binding = BINDING) -> tuple[LabFile, list[str]]:
+def bind(value: Value, binding: BindingFile = BINDING) -> tuple[LabFile, list[str]]:
     lab, notes = apply_binding(read_uni_lab_os(json.dumps(value).encode(), "Station"), binding)
     assert export_uni_lab_os(lab) == value
     return lab, [note.message for note in notes]

@@ -9,16 +9,23 @@ from uuid import UUID
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.lab_file.lab_check import check_lab, place_notes
-from labweb.domain.graph.lab_file.lab_model import LabFile, Lot, Material, Mode, entry_id, lab_id
+from labweb.domain.graph.lab_file.lab_model import (
+    LabFile,
+    LabFileLot,
+    LabFileMaterial,
+    LabMode,
+    entry_id,
+    lab_id,
+)
 from labweb.domain.graph.lab_file.uni_lab_os.format_words import FORMAT, MEDIUM_BY_TYPE
 from labweb.domain.graph.lab_file.uni_lab_os.node_as_resource import (
-    Place,
+    NodePlace,
     kind_of,
     notes_of,
     to_resource,
 )
-from labweb.domain.graph.lab_file.uni_lab_os.node_liquid import UNKNOWN, Holding
-from labweb.domain.graph.lab_file.uni_lab_os.nodes_and_links import Graph, Link, read_graph
+from labweb.domain.graph.lab_file.uni_lab_os.node_liquid import UNKNOWN, NodeLiquid
+from labweb.domain.graph.lab_file.uni_lab_os.nodes_and_links import Link, UniLabOsGraph, read_graph
 from labweb.domain.graph.lab_file.untrusted_json import refuse_all
 from labweb.domain.graph.ports_and_connections import Connection, Medium, PortRef
 from labweb.domain.resources.contents import LotId
@@ -27,26 +34,26 @@ from labweb.domain.resources.resource_kinds import KINDS
 
 
 @dataclass
-class Stock:
+class NodeStock:
     """Materials, lots and contents, as vessels are read one after the other."""
 
     lab: UUID
-    materials: dict[str, Material] = field(default_factory=dict)
-    lots: list[Lot] = field(default_factory=list)
+    materials: dict[str, LabFileMaterial] = field(default_factory=dict)
+    lots: list[LabFileLot] = field(default_factory=list)
     contents: dict[UUID, dict[LotId, int]] = field(default_factory=dict)
 
-    def add(self, resource: Resource, holding: Holding) -> None:
+    def add(self, resource: Resource, holding: NodeLiquid) -> None:
         """Take up what one vessel holds: a lot of its own for each liquid in it."""
         for liquid, amount_nl in holding.amounts_nl.items():
             material = self.materials.get(liquid)
             if material is None:
                 name = "Liquid of unknown identity" if liquid == UNKNOWN else liquid
-                material = Material(
+                material = LabFileMaterial(
                     id=entry_id(self.lab, "material", liquid), key=liquid, name=name
                 )
                 self.materials[liquid] = material
             key = f"{resource.key}/{liquid}"
-            lot = Lot(id=entry_id(self.lab, "lot", key), key=key, material_id=material.id)
+            lot = LabFileLot(id=entry_id(self.lab, "lot", key), key=key, material_id=material.id)
             self.lots.append(lot)
             self.contents.setdefault(resource.id, {})[LotId(str(lot.id))] = amount_nl
 
@@ -68,7 +75,7 @@ def read_uni_lab_os(raw: bytes, name: str) -> LabFile:
     """
     graph = read_graph(raw)
     lab = lab_id(name)
-    stock = Stock(lab)
+    stock = NodeStock(lab)
     notes: list[Finding] = list(graph.notes)
     resources = _resources(graph, lab, name, stock, notes)
     by_key = {resource.key: resource.id for resource in resources}
@@ -76,7 +83,7 @@ def read_uni_lab_os(raw: bytes, name: str) -> LabFile:
         id=lab,
         name=name,
         time_zone="UTC",
-        mode=Mode.SIM,
+        mode=LabMode.SIM,
         materials=tuple(stock.materials.values()),
         lots=tuple(stock.lots),
         resources=tuple(resources),
@@ -92,7 +99,7 @@ def read_uni_lab_os(raw: bytes, name: str) -> LabFile:
 
 
 def _resources(
-    graph: Graph, lab: UUID, name: str, stock: Stock, notes: list[Finding]
+    graph: UniLabOsGraph, lab: UUID, name: str, stock: NodeStock, notes: list[Finding]
 ) -> list[Resource]:
     resources = []
     root_key = _synthetic_root(graph)
@@ -102,7 +109,7 @@ def _resources(
         resources.append(_root(root_id, root_key, name))
     for node in graph.nodes:
         parent_id = root_id if node.parent is None else entry_id(lab, "resource", node.parent)
-        place = Place(entry_id(lab, "resource", node.key), node.key, parent_id, node.parent)
+        place = NodePlace(entry_id(lab, "resource", node.key), node.key, parent_id, node.parent)
         resource, holding = to_resource(place, node.raw, kind_of(node.raw))
         resources.append(resource)
         stock.add(resource, holding)
@@ -110,7 +117,7 @@ def _resources(
     return resources
 
 
-def _synthetic_root(graph: Graph) -> str | None:
+def _synthetic_root(graph: UniLabOsGraph) -> str | None:
     """Return a free key for the root that a graph with no or several roots needs."""
     if sum(node.parent is None for node in graph.nodes) == 1:
         return None

@@ -17,7 +17,7 @@ from labweb.domain.graph.lab_file.uni_lab_os.format_words import (
     KIND_BY_TYPE,
     is_pylabrobot,
 )
-from labweb.domain.graph.lab_file.uni_lab_os.node_liquid import Holding, read_holding
+from labweb.domain.graph.lab_file.uni_lab_os.node_liquid import NodeLiquid, read_holding
 from labweb.domain.resources.pose import Pose
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import KINDS, is_vessel
@@ -26,7 +26,7 @@ _LONGEST_MM = 1_000_000
 
 
 @dataclass(frozen=True)
-class Place:
+class NodePlace:
     """Where a resource belongs in the lab, whatever its node says about itself."""
 
     id: UUID
@@ -46,8 +46,8 @@ def kind_of(raw: Mapping[str, Any]) -> str:
 
 
 def to_resource(
-    place: Place, raw: Mapping[str, Any], kind: str, config: Mapping[str, Any] | None = None
-) -> tuple[Resource, Holding]:
+    place: NodePlace, raw: Mapping[str, Any], kind: str, config: Mapping[str, Any] | None = None
+) -> tuple[Resource, NodeLiquid]:
     """Build the resource of a node, and what it says about liquid.
 
     Args:
@@ -56,7 +56,7 @@ def to_resource(
         kind: One of `KINDS`.
         config: Further config for that kind, beyond a vessel's capacity.
     """
-    holding = read_holding(place.key, raw) if is_vessel(kind) else Holding()
+    holding = read_holding(place.key, raw) if is_vessel(kind) else NodeLiquid()
     known = dict(config or {})
     if holding.capacity_ul is not None:
         known.setdefault("capacity_ul", holding.capacity_ul)

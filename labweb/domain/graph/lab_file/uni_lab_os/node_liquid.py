@@ -17,7 +17,7 @@ UNKNOWN = "unknown"
 
 
 @dataclass
-class Holding:
+class NodeLiquid:
     """What a vessel can hold and holds, as far as the file says it."""
 
     capacity_ul: float | None = None
@@ -32,11 +32,11 @@ def nl_per_unit(config: object) -> int:
     return NL_PER_UL if is_pylabrobot(config) else NL_PER_ML
 
 
-def read_holding(key: str, raw: Mapping[str, Any]) -> Holding:
+def read_holding(key: str, raw: Mapping[str, Any]) -> NodeLiquid:
     """Read capacity and liquids of one node; what cannot be read is noted, never guessed."""
     config = _mapping(raw.get("config"))
     scale = nl_per_unit(config)
-    holding = Holding()
+    holding = NodeLiquid()
     said = [one for one in (config.get("max_volume"), raw.get("max_volume")) if one is not None]
     capacity_nl = next((nl for one in said if _is_number(one) and (nl := to_nl(one, scale))), None)
     if capacity_nl:
@@ -51,7 +51,7 @@ def read_holding(key: str, raw: Mapping[str, Any]) -> Holding:
     return holding
 
 
-def _add(key: str, name: object, amount: object, scale: int, holding: Holding) -> None:
+def _add(key: str, name: object, amount: object, scale: int, holding: NodeLiquid) -> None:
     if not _is_number(amount):
         text = f"{key}: the amount {amount!r} of {name!r} is no number; kept as written"
         holding.notes.append(Finding("uni_lab_os.amount_unread", text, key))
@@ -73,7 +73,7 @@ def _add(key: str, name: object, amount: object, scale: int, holding: Holding) -
     holding.amounts_nl[liquid] = holding.amounts_nl.get(liquid, 0) + amount_nl
 
 
-def _check_capacity(key: str, holding: Holding) -> None:
+def _check_capacity(key: str, holding: NodeLiquid) -> None:
     held_nl = sum(holding.amounts_nl.values())
     if holding.capacity_ul is None or held_nl <= holding.capacity_ul * 1000:
         return

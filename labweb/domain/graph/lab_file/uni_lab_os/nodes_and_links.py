@@ -22,7 +22,7 @@ _PORT_ENDS = 2
 
 
 @dataclass(frozen=True)
-class Node:
+class UniLabOsNode:
     """One node as the file has it."""
 
     key: str
@@ -45,10 +45,10 @@ class Link:
 
 
 @dataclass
-class Graph:
+class UniLabOsGraph:
     """A whole file."""
 
-    nodes: list[Node]
+    nodes: list[UniLabOsNode]
     links: list[Link]
     links_field: str | None
     """`links`, `edges`, or None when the file has neither."""
@@ -60,7 +60,7 @@ class Graph:
     """Children that nodes list and the file does not hold: their classes make them at run time."""
 
 
-def read_graph(raw: bytes) -> Graph:
+def read_graph(raw: bytes) -> UniLabOsGraph:
     """Read nodes and links.
 
     Raises:
@@ -88,10 +88,10 @@ def read_graph(raw: bytes) -> Graph:
         raise refuse_all(findings, "the graph")
     placed = {"nodes", links_field}
     top = {name: part for name, part in value.items() if name not in placed}
-    return Graph(nodes, links, links_field, top, _made_later(nodes))
+    return UniLabOsGraph(nodes, links, links_field, top, _made_later(nodes))
 
 
-def _made_later(nodes: Iterable[Node]) -> list[Finding]:
+def _made_later(nodes: Iterable[UniLabOsNode]) -> list[Finding]:
     """Note each child that is listed and has no node of its own."""
     nodes = list(nodes)
     known = {node.key for node in nodes}
@@ -156,7 +156,7 @@ def _key(value: object) -> str | None:
     return None
 
 
-def _nodes(values: list[Mapping[str, Any]], findings: list[Finding]) -> list[Node]:
+def _nodes(values: list[Mapping[str, Any]], findings: list[Finding]) -> list[UniLabOsNode]:
     keyed: list[tuple[str, Mapping[str, Any]]] = []
     for index, value in enumerate(values):
         key = _key(value.get("id"))
@@ -186,7 +186,7 @@ def _nodes(values: list[Mapping[str, Any]], findings: list[Finding]) -> list[Nod
         if parent is not None and lister is not None and lister != parent:
             message = f"{key!r} names {parent!r} as its parent, but {lister!r} lists it as a child"
             findings.append(Finding("tree.two_parents", message, key))
-        nodes.append(Node(key, parent if parent is not None else lister, value))
+        nodes.append(UniLabOsNode(key, parent if parent is not None else lister, value))
     return nodes
 
 
@@ -248,7 +248,7 @@ def _own_parent(
 
 
 def _links(
-    values: list[Mapping[str, Any]], nodes: list[Node], findings: list[Finding]
+    values: list[Mapping[str, Any]], nodes: list[UniLabOsNode], findings: list[Finding]
 ) -> list[Link]:
     known = {node.key for node in nodes}
     links = []
@@ -301,7 +301,7 @@ def _port(value: object) -> str:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else ""
 
 
-def _check_rings(nodes: list[Node]) -> list[Finding]:
+def _check_rings(nodes: list[UniLabOsNode]) -> list[Finding]:
     parents = {node.key: node.parent for node in nodes}
     settled: set[str] = set()
     findings = []

@@ -5,12 +5,12 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
-from labweb.domain.recipes.on_rig.equipment import Sort, Thermostat
+from labweb.domain.recipes.on_rig.equipment import Thermostat, VesselSort
 from labweb.domain.recipes.on_rig.making import BESIDE, BY_HAND, TIMER, Making, estimate, say
 from labweb.domain.recipes.on_rig.meetings import most_of
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
 from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 from labweb.domain.workflows.passes.liquids.stroke_pipeline import Group
 
 RAMP_C_S = 2 / 60
@@ -32,7 +32,7 @@ def start_stir(making: Making, operation: BasicOperation) -> None:
     vessel = making.vessel(operation)
     if vessel is None:
         return
-    if making.equipment.sort(vessel) is Sort.ROTAVAP:
+    if making.equipment.sort(vessel) is VesselSort.ROTAVAP:
         start_rotation(making, operation)
         return
     speed = above_zero(making, operation, "speed_rpm")
@@ -63,7 +63,7 @@ def stop_stir(making: Making, operation: BasicOperation) -> None:
     vessel = making.vessel(operation)
     if vessel is None:
         return
-    if making.equipment.sort(vessel) is Sort.ROTAVAP:
+    if making.equipment.sort(vessel) is VesselSort.ROTAVAP:
         stop_rotation(making, operation)
         return
     stirrer = making.stopped("stir", vessel)
@@ -114,7 +114,7 @@ def raise_flask(making: Making, operation: BasicOperation) -> None:
 
 def _rotavap(making: Making, operation: BasicOperation) -> str | None:
     vessel = making.vessel(operation)
-    if vessel is None or making.equipment.sort(vessel) is Sort.ROTAVAP:
+    if vessel is None or making.equipment.sort(vessel) is VesselSort.ROTAVAP:
         return vessel
     message = f"{vessel} is a {making.equipment.sort(vessel)} and no rotary evaporator"
     making.told.tell("plan.no_rotavap", message, operation.place)
@@ -299,7 +299,7 @@ def measure(making: Making, operation: BasicOperation) -> None:
 
 def read(
     making: Making,
-    place: Place,
+    place: FilePlace,
     vessel: str,
     quantity: str,
     window: tuple[float | None, float | None],

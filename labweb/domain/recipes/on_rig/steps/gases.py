@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.recipes.on_rig.choosing import resolve
-from labweb.domain.recipes.on_rig.equipment import INERT, Sort
+from labweb.domain.recipes.on_rig.equipment import INERT, VesselSort
 from labweb.domain.recipes.on_rig.lines import (
-    Line,
+    GasLine,
     drawn_with,
     find_line,
     resting_port,
@@ -17,10 +17,10 @@ from labweb.domain.recipes.on_rig.lines import (
 from labweb.domain.recipes.on_rig.making import Making, say
 from labweb.domain.recipes.on_rig.moving import move_all
 from labweb.domain.recipes.on_rig.steps.conditions import number
-from labweb.domain.recipes.on_rig.ways import Move
+from labweb.domain.recipes.on_rig.ways import RigMove
 from labweb.domain.recipes.xdl.expansion.basic_operations import INERT_GAS, WASTE, BasicOperation
-from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, Place
-from labweb.domain.workflows.passes.liquids.stroke_pipeline import Command, Group
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, FilePlace
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import DeviceCommand, Group
 
 
 def start_vacuum(making: Making, operation: BasicOperation) -> None:
@@ -68,7 +68,7 @@ def _say_unset(making: Making, vessel: str, source: str, pressure: float | None)
 
 def _vacuum_line(
     making: Making, operation: BasicOperation, vessel: str
-) -> tuple[Line, str | None] | None:
+) -> tuple[GasLine, str | None] | None:
     port = operation.fields.get("port")
     line = vacuum_line(making.equipment, vessel, str(port) if port else None)
     if line is None:
@@ -81,7 +81,7 @@ def _vacuum_line(
     return line, making.equipment.vacuum_pump(line.end)
 
 
-def _drawn_too(making: Making, place: Place, vessel: str, pump: str) -> tuple[str, ...]:
+def _drawn_too(making: Making, place: FilePlace, vessel: str, pump: str) -> tuple[str, ...]:
     """Return the empty vessels that the pump draws on too; what would do harm is told."""
     others = [key for key in drawn_with(making.equipment, pump) if key != vessel]
     held = [key for key in others if making.matter.held(key)]
@@ -98,7 +98,7 @@ def _drawn_too(making: Making, place: Place, vessel: str, pump: str) -> tuple[st
     return tuple(key for key in others if key not in held)
 
 
-def _close_others(making: Making, vessel: str, line: Line, pump: str) -> list[Group]:
+def _close_others(making: Making, vessel: str, line: GasLine, pump: str) -> list[Group]:
     """Turn valves off the vacuum of a pump that nobody has turned yet: they may stand anywhere."""
     found = []
     for other in making.equipment.vessels:
@@ -118,7 +118,7 @@ def _close_others(making: Making, vessel: str, line: Line, pump: str) -> list[Gr
 def close_vacuum(making: Making) -> None:
     """Take the vessels of the plan off vacuum that is always on, before anything else is done."""
     used = {*making.binding.vessels.values(), *making.binding.flasks()}
-    turns: dict[str, Command] = {}
+    turns: dict[str, DeviceCommand] = {}
     vessels = []
     for vessel in making.equipment.vessels:
         line = vacuum_line(making.equipment, vessel)
@@ -139,7 +139,7 @@ def close_vacuum(making: Making) -> None:
             making.add(NOWHERE, {"kind": "vent", "vessel": vessel}, [[*turns.values()]])
 
 
-def _join(making: Making, vessel: str, line: Line) -> list[Group]:
+def _join(making: Making, vessel: str, line: GasLine) -> list[Group]:
     actions: list[Group] = _shut(making, vessel)
     making.joined[vessel] = dict(line.valves)
     making.opened[vessel] = line.solenoids
@@ -153,7 +153,7 @@ def _shut(making: Making, vessel: str) -> list[Group]:
     return [closed] if closed else []
 
 
-def _part(making: Making, vessel: str, place: Place) -> list[Group]:
+def _part(making: Making, vessel: str, place: FilePlace) -> list[Group]:
     """Turn the valve nearest to the vessel away from gas and vacuum."""
     actions = _shut(making, vessel)
     valves = making.joined.pop(vessel, {})
@@ -187,12 +187,12 @@ def stop_vacuum(making: Making, operation: BasicOperation) -> None:
             _part(making, vessel, operation.place) if line is None else _join(making, vessel, line)
         )
         does["gas"] = None if line is None else line.end
-        if making.equipment.elements[device].role is Role.VACUUM and (
+        if making.equipment.elements[device].role is ElementRole.VACUUM and (
             making.equipment.vacuum_pump(device) == device
         ):
             actions += [[say(device, "stop_vacuum")], [say(device, "vent")]]
     making.add(operation.place, does, actions)
-    if making.equipment.sort(vessel) is Sort.ROTAVAP:
+    if making.equipment.sort(vessel) is VesselSort.ROTAVAP:
         _drain(making, vessel, operation)
 
 
@@ -205,10 +205,10 @@ def _drain(making: Making, vessel: str, operation: BasicOperation) -> None:
         return
     waste = resolve(making, WASTE, collect, operation.place)
     if waste is not None:
-        move_all(making, Move(source=collect, target=waste, place=operation.place))
+        move_all(making, RigMove(source=collect, target=waste, place=operation.place))
 
 
-def _gas_line(making: Making, operation: BasicOperation, vessel: str, name: str) -> Line | None:
+def _gas_line(making: Making, operation: BasicOperation, vessel: str, name: str) -> GasLine | None:
     wanted = INERT if name == INERT_GAS else frozenset({name.strip().lower()})
     port = operation.fields.get("port")
     line = find_line(

@@ -11,7 +11,7 @@ from labweb.domain.recipes.on_rig.meetings import most_of
 from labweb.domain.recipes.on_rig.moving import is_under_vacuum, look_for_room
 from labweb.domain.recipes.on_rig.steps.conditions import above_zero, number
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
-from labweb.domain.recipes.on_rig.ways import Move
+from labweb.domain.recipes.on_rig.ways import RigMove
 from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
 
 _SOUND = re.compile(r"ultra_?so|sonic")
@@ -105,7 +105,7 @@ def distill(making: Making, operation: BasicOperation) -> None:
         "duration_s": number(operation.fields.get("seconds")),
         "vapour_c": number(operation.fields.get("vapour_c")),
     }
-    move = Move(source=vessel, target=target, place=operation.place)
+    move = RigMove(source=vessel, target=target, place=operation.place)
     look_for_room(making, move, Fraction(0), making.matter.liquid(vessel).most)
     gone = making.matter.loosen(vessel)
     film = making.film((), most_of(gone), target, making.traces_out_of(vessel, {}))

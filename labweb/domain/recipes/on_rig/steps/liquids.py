@@ -6,7 +6,7 @@ from decimal import Decimal
 from typing import Any
 
 from labweb.domain.recipes.on_rig.choosing import resolve
-from labweb.domain.recipes.on_rig.equipment import COLLECT, Sort
+from labweb.domain.recipes.on_rig.equipment import COLLECT, VesselSort
 from labweb.domain.recipes.on_rig.making import BY_HAND, Making, say
 from labweb.domain.recipes.on_rig.matter import Portion, exactly
 from labweb.domain.recipes.on_rig.moving import (
@@ -21,7 +21,7 @@ from labweb.domain.recipes.on_rig.moving import (
 from labweb.domain.recipes.on_rig.priming import prime, recover
 from labweb.domain.recipes.on_rig.rinsing import rinse
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
-from labweb.domain.recipes.on_rig.ways import Move, chain_of
+from labweb.domain.recipes.on_rig.ways import RigMove, chain_of
 from labweb.domain.recipes.xdl.expansion.basic_operations import KEPT, BasicOperation
 from labweb.domain.recipes.xdl.unfolding.amounts_said_twice import rate_of
 from labweb.domain.units import render_volume, steady
@@ -53,7 +53,7 @@ def add_liquid(making: Making, operation: BasicOperation) -> None:
     if amount is None:
         return
     draw, push = rates_of(making, operation, amount)
-    move = Move(
+    move = RigMove(
         source=source,
         target=target,
         place=operation.place,
@@ -184,7 +184,7 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         making.lost |= {source, target}
         return
     draw, push = rates_of(making, operation, amount or int(making.matter.liquid(source).most) or 1)
-    move = Move(
+    move = RigMove(
         source=source,
         target=target,
         place=operation.place,
@@ -197,7 +197,7 @@ def transfer(making: Making, operation: BasicOperation) -> None:
     _carry_out(making, move, amount, lot)
 
 
-def _carry_out(making: Making, move: Move, amount: int | None, lot: str) -> None:
+def _carry_out(making: Making, move: RigMove, amount: int | None, lot: str) -> None:
     """Rinse, prime, move and recover; without an amount move all, but nothing of a reagent."""
     if amount is None and not lot and is_drawn_dry(making, move):
         return
@@ -231,7 +231,7 @@ def _leaves_rate_open(making: Making, operation: BasicOperation, source: str) ->
 
 def _collecting(making: Making, vessel: str, port: str | None) -> tuple[str, str | None]:
     """Return the vessel behind a port: of a rotary evaporator it may be the collecting flask."""
-    if port == COLLECT and making.equipment.sort(vessel) is Sort.ROTAVAP:
+    if port == COLLECT and making.equipment.sort(vessel) is VesselSort.ROTAVAP:
         return making.equipment.collecting(vessel) or vessel, None
     return vessel, port
 

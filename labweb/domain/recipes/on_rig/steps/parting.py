@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 
 from labweb.domain.recipes.on_rig.choosing import resolve
-from labweb.domain.recipes.on_rig.equipment import Sort
+from labweb.domain.recipes.on_rig.equipment import VesselSort
 from labweb.domain.recipes.on_rig.making import BY_HAND, Making, say, used_parts
 from labweb.domain.recipes.on_rig.matter import micro
 from labweb.domain.recipes.on_rig.meetings import most_of
@@ -22,10 +22,10 @@ from labweb.domain.recipes.on_rig.moving import (
 from labweb.domain.recipes.on_rig.rinsing import clear, rinse
 from labweb.domain.recipes.on_rig.steps.liquids import port_of, rates_of
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
-from labweb.domain.recipes.on_rig.ways import Move, route
+from labweb.domain.recipes.on_rig.ways import RigMove, route
 from labweb.domain.recipes.xdl.expansion.basic_operations import BUFFER, WASTE, BasicOperation
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
-from labweb.domain.workflows.passes.liquids.stroke_pipeline import Command, Group
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import DeviceCommand, Group
 
 
 def draw_filtrate(making: Making, operation: BasicOperation) -> None:
@@ -34,7 +34,7 @@ def draw_filtrate(making: Making, operation: BasicOperation) -> None:
     if source is None:
         return
     sort = making.equipment.sort(source)
-    if sort not in (Sort.FILTER, Sort.ROTAVAP):
+    if sort not in (VesselSort.FILTER, VesselSort.ROTAVAP):
         message = f"{source} is a {sort}: nothing keeps a solid back in it"
         making.told.tell("plan.no_filter", message, operation.place)
         return
@@ -42,11 +42,11 @@ def draw_filtrate(making: Making, operation: BasicOperation) -> None:
     if target is None:
         return
     draw, push = rates_of(making, operation, 1)
-    move = Move(
+    move = RigMove(
         source=source,
         target=target,
         place=operation.place,
-        kind="filter" if sort is Sort.FILTER else "transfer",
+        kind="filter" if sort is VesselSort.FILTER else "transfer",
         draw_rate_ul_s=draw,
         push_rate_ul_s=push,
     )
@@ -61,7 +61,7 @@ def separate_phases(making: Making, operation: BasicOperation) -> None:
     vessel = making.vessel(operation)
     if vessel is None:
         return
-    if making.equipment.sort(vessel) is not Sort.SEPARATOR:
+    if making.equipment.sort(vessel) is not VesselSort.SEPARATOR:
         message = f"{vessel} is a {making.equipment.sort(vessel)} and no separator"
         making.told.tell("plan.no_separator", message, operation.place)
         return
@@ -94,7 +94,7 @@ def _draw_phases(
     if portion_nl is None:
         return False
     port = port_of(operation, "lower_port")
-    returns = Move(source=back, target=vessel, place=operation.place, target_port=port)
+    returns = RigMove(source=back, target=vessel, place=operation.place, target_port=port)
     every = [*moves.values(), *([returns] if back else [])]
     for move in moves.values():
         clear(making, move, among=every)
@@ -110,7 +110,7 @@ def _draw_phases(
         actions = _drawn(making, actions, returns, most_nl, "empty")
     if actions is not None:
         if back:
-            waits = Move(source=vessel, target=back, place=operation.place)
+            waits = RigMove(source=vessel, target=back, place=operation.place)
             look_for_room(making, waits, Fraction(0), liquid.most)
         reached = {end for end in (lower, upper, vessel if back else None) if end is not None}
         _parted(making, operation.place, does, actions, reached)
@@ -139,7 +139,7 @@ def _portion(making: Making, operation: BasicOperation, most_nl: int) -> int | N
 
 def _phase_moves(
     making: Making, operation: BasicOperation, ends: tuple[str, str | None, str], vessel: str
-) -> dict[str, Move] | None:
+) -> dict[str, RigMove] | None:
     """Return how each phase goes; None: through what is not known, which is told."""
     moves = {}
     if ends[1] is None and port_of(operation, "upper_port"):
@@ -150,7 +150,7 @@ def _phase_moves(
         if through is None:
             return None
         is_waiting = side == "lower" and bool(ends[2])
-        moves[side] = Move(
+        moves[side] = RigMove(
             source=vessel,
             target=target or vessel,
             place=operation.place,
@@ -163,7 +163,7 @@ def _phase_moves(
 def _drawn(
     making: Making,
     actions: list[Group] | None,
-    move: Move,
+    move: RigMove,
     most_nl: int,
     end: str,
     portions_count: int = 1,
@@ -209,7 +209,7 @@ _READS = {"bottom": "falls", "top": "rises"}
 """Which phase conducts better → what the reading does when the upper one comes."""
 
 
-def _watch(making: Making, vessel: str, *, begins: bool, conducts: str = "") -> Command:
+def _watch(making: Making, vessel: str, *, begins: bool, conducts: str = "") -> DeviceCommand:
     sensor = making.equipment.conductivity(vessel)
     if sensor is not None and not begins:
         return say(sensor, "stop_watching")
@@ -224,7 +224,7 @@ def _watch(making: Making, vessel: str, *, begins: bool, conducts: str = "") -> 
 
 
 def _parted(
-    making: Making, place: Place, does: dict[str, Any], actions: list[Group], reached: set[str]
+    making: Making, place: FilePlace, does: dict[str, Any], actions: list[Group], reached: set[str]
 ) -> None:
     vessel = does["vessel"]
     whole = making.matter.liquid(vessel)
@@ -238,7 +238,7 @@ def _parted(
         if target != vessel:
             film = making.film(used_parts(actions), most_of(portion), target, brought)
             look_at_meeting(making, vessel, target, kept, place, film)
-            move = Move(source=vessel, target=target, place=place)
+            move = RigMove(source=vessel, target=target, place=place)
             look_for_room(making, move, Fraction(0), whole.most)
         making.bring(target, kept, vessel)
         if vessel in making.lost:

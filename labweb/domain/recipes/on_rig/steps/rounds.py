@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
 
 from labweb.domain.recipes.on_rig.making import Making
-from labweb.domain.recipes.on_rig.matter import Key, Matter
-from labweb.domain.recipes.on_rig.meetings import Film, Meetings
+from labweb.domain.recipes.on_rig.matter import Key, RigMatter
+from labweb.domain.recipes.on_rig.meetings import Meetings, RigFilm
 from labweb.domain.recipes.on_rig.steps import liquids
 from labweb.domain.recipes.on_rig.steps.conditions import number, read, wait
-from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Kind
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind, BasicOperation
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 MOST_ROUNDS = 100
 """Most rounds that a plan is written out for."""
@@ -20,7 +20,7 @@ _PH = "pH"
 _ACIDS, _BASES = frozenset({"acid"}), frozenset({"base"})
 
 
-def until_done(making: Making, place: Place, most: int, one_round: Callable[[], None]) -> None:
+def until_done(making: Making, place: FilePlace, most: int, one_round: Callable[[], None]) -> None:
     """Make a round as often as it may go, each after the first skipped when the last was done.
 
     What is where afterwards is known only as far as all numbers of rounds agree.
@@ -52,7 +52,7 @@ def until_done(making: Making, place: Place, most: int, one_round: Callable[[], 
 
 
 _Went = Mapping[str, Mapping[Key, frozenset[str]]]
-_End = tuple[Matter, Meetings, Mapping[str, Mapping[Key, Film]], _Went]
+_End = tuple[RigMatter, Meetings, Mapping[str, Mapping[Key, RigFilm]], _Went]
 """What is where when a round ends, what has met, what still wets the lines, and where it went."""
 
 
@@ -120,10 +120,10 @@ def adjust(making: Making, operation: BasicOperation) -> None:
         portion = next(left) if making.skip_if else None
         if portion is not None:
             given = {"reagent": reagent, "vessel": fields["vessel"], "volume_ml": portion}
-            add = BasicOperation(kind=Kind.ADD_LIQUID, fields=given, place=operation.place)
+            add = BasicOperation(kind=BasicKind.ADD_LIQUID, fields=given, place=operation.place)
             liquids.add_liquid(making, add)
             mixing = {"seconds": fields.get("mixing_s")}
-            wait(making, BasicOperation(kind=Kind.WAIT, fields=mixing, place=operation.place))
+            wait(making, BasicOperation(kind=BasicKind.WAIT, fields=mixing, place=operation.place))
         read(making, operation.place, vessel, _PH, window)
 
     until_done(making, operation.place, len(portions) + 1, one_round)

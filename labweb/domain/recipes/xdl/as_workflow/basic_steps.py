@@ -17,9 +17,9 @@ from labweb.domain.recipes.xdl.expansion.basic_operations import (
     BUFFER,
     KEPT,
     WASTE,
+    BasicKind,
     BasicOperation,
     Field,
-    Kind,
 )
 from labweb.domain.recipes.xdl.expansion.operations_table import OPERATIONS
 from labweb.domain.recipes.xdl.expansion.unread_properties import Heeded
@@ -27,8 +27,8 @@ from labweb.domain.recipes.xdl.file_format.findings import Findings
 from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import Chosen
 from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
-from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, Standing
-from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, StepsStanding
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 from labweb.domain.recipes.xdl.unfolding.amounts_said_twice import are_alike, rate_of
 from labweb.domain.units import steady
 from labweb.domain.workflows.passes.role_requirements import HEAT_TOLERANCE_C
@@ -40,8 +40,8 @@ _UL_S_PER_ML_MIN = Decimal(1000) / 60
 _REACHED_C = Decimal(str(HEAT_TOLERANCE_C))
 """How near `heat_chill` comes to a temperature before it goes on, unless it says how near."""
 
-_NOT_SAID: Mapping[Kind, str] = {
-    Kind.SET_TEMPERATURE: "heats or chills and does not wait until it is warm or cold",
+_NOT_SAID: Mapping[BasicKind, str] = {
+    BasicKind.SET_TEMPERATURE: "heats or chills and does not wait until it is warm or cold",
 }
 """Basic operation that no step does → what it does."""
 
@@ -52,11 +52,11 @@ class BasicSteps:
 
     declared: Declared
     chosen: Chosen
-    key: Callable[[str, Act], str]
+    key: Callable[[str, RecipeAct], str]
     """Reference of a name of the recipe, `@key`; tells where it is none."""
 
     told: Findings
-    standing: Standing
+    standing: StepsStanding
     _filtered: int = 0
     _dried: int = 0
     _layers: int = 0
@@ -66,7 +66,7 @@ class BasicSteps:
     _waiting: str = ""
     """Flask in which one waits."""
 
-    def make(self, act: Act, notes: list[str]) -> list[Made]:
+    def make(self, act: RecipeAct, notes: list[str]) -> list[Made]:
         """Return the steps of an act, the first with the notes of all."""
         known = OPERATIONS.get(act.name)
         expand = None if known is None else known.expand
@@ -90,18 +90,18 @@ class BasicSteps:
         self._dried += act.name == "Dry"
         return made
 
-    def _one(self, act: Act, operations: list[BasicOperation]) -> tuple[list[Made], int]:
+    def _one(self, act: RecipeAct, operations: list[BasicOperation]) -> tuple[list[Made], int]:
         """Return the steps of the first of some operations, and of how many they are."""
         first = operations[0]
         fields = Heeded[Field](first.fields)
         match [operation.kind for operation in operations[:3]]:
-            case [Kind.START_VACUUM, Kind.WAIT, Kind.STOP_VACUUM]:
+            case [BasicKind.START_VACUUM, BasicKind.WAIT, BasicKind.STOP_VACUUM]:
                 made, count = self._dry(act, fields, operations), 3
-            case [Kind.SET_TEMPERATURE, Kind.AWAIT_TEMPERATURE, *_]:
+            case [BasicKind.SET_TEMPERATURE, BasicKind.AWAIT_TEMPERATURE, *_]:
                 made, count = self._reach(act, fields, operations[1]), 2
-            case [Kind.START_STIR, Kind.WAIT, Kind.STOP_STIR | Kind.START_STIR]:
+            case [BasicKind.START_STIR, BasicKind.WAIT, BasicKind.STOP_STIR | BasicKind.START_STIR]:
                 made, count = self._stir(act, fields, operations)
-            case [Kind.WAIT, Kind.SEPARATE_PHASES, *_]:
+            case [BasicKind.WAIT, BasicKind.SEPARATE_PHASES, *_]:
                 seconds = fields.get("seconds")
                 fields = Heeded(operations[1].fields)
                 made, count = self._part(act, fields, seconds), 2
@@ -111,22 +111,22 @@ class BasicSteps:
             self._refuse(act, f"cannot say {name} of what {act.name} does")
         return made, count
 
-    def _single(self, act: Act, fields: Heeded[Field], kind: Kind) -> list[Made]:
+    def _single(self, act: RecipeAct, fields: Heeded[Field], kind: BasicKind) -> list[Made]:
         match kind:
-            case Kind.ADD_LIQUID:
+            case BasicKind.ADD_LIQUID:
                 return self._move(act, fields, "reagent", "vessel")
-            case Kind.TRANSFER:
+            case BasicKind.TRANSFER:
                 return self._move(act, fields, "source", "target")
-            case Kind.STOP_STIR:
+            case BasicKind.STOP_STIR:
                 return self.standing.stop(self._ref(act, fields, "vessel"))
         makers = {
-            Kind.DRAW_FILTRATE: self._filter,
-            Kind.START_STIR: self._start_stir,
-            Kind.STOP_TEMPERATURE: self._stop_heat,
-            Kind.AWAIT_TEMPERATURE: self._await,
-            Kind.WAIT: self._wait,
-            Kind.ASK: self._ask,
-            Kind.ADD_SOLID: self._add_solid,
+            BasicKind.DRAW_FILTRATE: self._filter,
+            BasicKind.START_STIR: self._start_stir,
+            BasicKind.STOP_TEMPERATURE: self._stop_heat,
+            BasicKind.AWAIT_TEMPERATURE: self._await,
+            BasicKind.WAIT: self._wait,
+            BasicKind.ASK: self._ask,
+            BasicKind.ADD_SOLID: self._add_solid,
         }
         if kind in makers:
             return makers[kind](act, fields)
@@ -134,7 +134,7 @@ class BasicSteps:
         self._refuse(act, f"has no step that {what}, as {act.name} does")
         return []
 
-    def _move(self, act: Act, fields: Heeded[Field], source: str, target: str) -> list[Made]:
+    def _move(self, act: RecipeAct, fields: Heeded[Field], source: str, target: str) -> list[Made]:
         values = {
             "source": self._ref(act, fields, source),
             "target": self._ref(act, fields, target),
@@ -146,7 +146,7 @@ class BasicSteps:
         values |= _ports(fields, source_port="from_port", target_port="to_port")
         return [("transfer", values, [])]
 
-    def _filter(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+    def _filter(self, act: RecipeAct, fields: Heeded[Field]) -> list[Made]:
         values: dict[str, object] = {
             "vessel": self._ref(act, fields, "vessel"),
             "target": self._ref(act, fields, "target"),
@@ -158,7 +158,9 @@ class BasicSteps:
         notes = [] if asked is None else [f"volume {asked} mL: all liquid of a filter is drawn off"]
         return [("filter", values, notes)]
 
-    def _dry(self, act: Act, fields: Heeded[Field], operations: list[BasicOperation]) -> list[Made]:
+    def _dry(
+        self, act: RecipeAct, fields: Heeded[Field], operations: list[BasicOperation]
+    ) -> list[Made]:
         pressure, seconds = fields.get("pressure_mbar"), operations[1].fields.get("seconds")
         name = str(fields.get("vessel"))
         if pressure is None or operations[2].fields.get("gas"):
@@ -180,7 +182,7 @@ class BasicSteps:
             values |= {"dries_off": all_of(lots[self._dried]), "receiver": f"@{receiver}"}
         return [("dry", values, [])]
 
-    def _reach(self, act: Act, fields: Heeded[Field], window: BasicOperation) -> list[Made]:
+    def _reach(self, act: RecipeAct, fields: Heeded[Field], window: BasicOperation) -> list[Made]:
         wanted = fields.get("temperature_c")
         low, high = window.fields.get("low_c"), window.fields.get("high_c")
         vessel = self._ref(act, fields, "vessel")
@@ -195,7 +197,7 @@ class BasicSteps:
         values |= {"tolerance": f"{near:f} K"} if near < _REACHED_C else {}
         return [("heat_chill", values, [])]
 
-    def _await(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+    def _await(self, act: RecipeAct, fields: Heeded[Field]) -> list[Made]:
         vessel = self._ref(act, fields, "vessel")
         low, high = fields.get("low_c"), fields.get("high_c")
         if not isinstance(low, Decimal) or not isinstance(high, Decimal):
@@ -204,7 +206,7 @@ class BasicSteps:
         return [("await_temperature", values, [])]
 
     def _stir(
-        self, act: Act, fields: Heeded[Field], operations: list[BasicOperation]
+        self, act: RecipeAct, fields: Heeded[Field], operations: list[BasicOperation]
     ) -> tuple[list[Made], int]:
         """Say stirring for a time in one step, where it ends or another speed follows."""
         seconds, name = operations[1].fields.get("seconds"), fields.get("vessel")
@@ -217,7 +219,7 @@ class BasicSteps:
         values = {"vessel": vessel, "stir_speed": speed, "duration": f"{seconds:f} s"}
         return [("stir", values, [])], 2
 
-    def _part(self, act: Act, fields: Heeded[Field], settle_s: Field) -> list[Made]:
+    def _part(self, act: RecipeAct, fields: Heeded[Field], settle_s: Field) -> list[Made]:
         """Draw the lower layer, then the upper one; one that goes to where it is stays there."""
         if not isinstance(settle_s, Decimal) or settle_s <= 0:
             self._refuse(act, f"cannot say that layers of {act.name} part in no time")
@@ -247,7 +249,7 @@ class BasicSteps:
         back |= _ports(fields, target_port="lower_port") if is_back else {}
         return [*made, *([("transfer", back, [])] if is_back else [])]
 
-    def _buffer(self, act: Act, place: int = 0) -> str:
+    def _buffer(self, act: RecipeAct, place: int = 0) -> str:
         """Return the flask in which a layer waits: of the plan, the recipe, or a declaration."""
         taken = self.chosen.take(act.place, KEPT if place else BUFFER)
         named = self.key(self._waits_in, act) if self._waits_in and not place else ""
@@ -261,21 +263,21 @@ class BasicSteps:
         self._waiting = self._waiting if place else named
         return named
 
-    def _start_stir(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+    def _start_stir(self, act: RecipeAct, fields: Heeded[Field]) -> list[Made]:
         vessel, speed = self._ref(act, fields, "vessel"), f"{fields.get('speed_rpm')} rpm"
         if self.standing.stirred.get(vessel) == speed or vessel in self.standing.unstirred:
             return []
         self.standing.stirred[vessel] = speed
         return [("start_stir", {"vessel": vessel, "stir_speed": speed}, [])]
 
-    def _stop_heat(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+    def _stop_heat(self, act: RecipeAct, fields: Heeded[Field]) -> list[Made]:
         vessel = self._ref(act, fields, "vessel")
         if vessel not in self.standing.heated:
             return []
         self.standing.hold(vessel, is_held=False)
         return [("stop_heat", {"vessel": vessel}, [])]
 
-    def _wait(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+    def _wait(self, act: RecipeAct, fields: Heeded[Field]) -> list[Made]:
         seconds = fields.get("seconds")
         if seconds is None:
             self.told.tell("xdl.left_open", f"{act.name} does not say how long", act.place)
@@ -283,13 +285,13 @@ class BasicSteps:
             return []
         return [("wait", {"duration": f"{seconds:f} s"}, [])]
 
-    def _ask(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+    def _ask(self, act: RecipeAct, fields: Heeded[Field]) -> list[Made]:
         question = str(fields.get("message") or "Go on?").strip()
         if len(question) > LONGEST_QUESTION:
             self._refuse(act, f"asks a person in {LONGEST_QUESTION} characters at most")
         return [("confirm", {"question": question}, [])]
 
-    def _add_solid(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+    def _add_solid(self, act: RecipeAct, fields: Heeded[Field]) -> list[Made]:
         mass, over = fields.get("mass_g"), fields.get("over_s")
         if not isinstance(mass, Decimal):
             return []
@@ -305,7 +307,7 @@ class BasicSteps:
         volume = fields.get("volume_ml")
         return f"{volume:f} mL" if isinstance(volume, Decimal) else ALL
 
-    def _rate(self, act: Act, fields: Heeded[Field]) -> dict[str, str]:
+    def _rate(self, act: RecipeAct, fields: Heeded[Field]) -> dict[str, str]:
         """Return how fast liquid is moved, where the recipe says so.
 
         A step draws as fast as it pushes: another rate for that cannot be said.
@@ -332,7 +334,7 @@ class BasicSteps:
             self._refuse(act, "cannot say how fast a viscous liquid is drawn")
         return {} if push is None else {"flow_rate": f"{Decimal(str(steady(push))):f} uL/s"}
 
-    def _ref(self, act: Act, fields: Heeded[Field], name: str) -> str:
+    def _ref(self, act: RecipeAct, fields: Heeded[Field], name: str) -> str:
         called = str(fields.get(name, ""))
         if called in (BUFFER, KEPT):
             is_given_back = name == "source" and called == BUFFER
@@ -345,7 +347,7 @@ class BasicSteps:
             self.told.tell("xdl.not_declared", message, act.place)
         return f"@{waste}"
 
-    def _refuse(self, act: Act, what: str) -> None:
+    def _refuse(self, act: RecipeAct, what: str) -> None:
         self.told.tell("xdl.not_in_workflow", f"a workflow of labweb {what}", act.place)
 
 

@@ -15,15 +15,15 @@ from typing import Any
 from labweb.domain.recipes.xdl.as_workflow.basic_steps import BasicSteps
 from labweb.domain.recipes.xdl.as_workflow.several_steps import SAID as SEVERAL_SAID
 from labweb.domain.recipes.xdl.as_workflow.several_steps import SeveralSteps
-from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity, Value
+from labweb.domain.recipes.xdl.file_format.attribute_values import Value, XdlQuantity
 from labweb.domain.recipes.xdl.file_format.findings import Findings
 from labweb.domain.recipes.xdl.file_format.read_xdl import refusal
 from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE
 from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import Chosen, OnRig
 from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
 from labweb.domain.recipes.xdl.tables.step_spec import STEPS
-from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, Standing
-from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, StepsStanding
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 from labweb.domain.recipes.xdl.unfolding.amounts_said_twice import rate_of
 from labweb.domain.units import steady
 from labweb.domain.workflows.workflow_file import KEY, MOST_STEPS, SCHEMA, check_workflow
@@ -44,7 +44,7 @@ _EXPANDED = frozenset({"Add", "HeatChill", "HeatChillToTemp", "Stir", "Transfer"
 
 
 def to_workflow(
-    acts: tuple[Act, ...],
+    acts: tuple[RecipeAct, ...],
     *,
     name: str,
     keys: Mapping[str, str] | None = None,
@@ -97,12 +97,12 @@ class _Writer:
     beside: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Last steps of each Async that nothing has waited for yet, by its pid."""
 
-    standing: Standing = field(init=False)
+    standing: StepsStanding = field(init=False)
     basic: BasicSteps = field(init=False)
     several: SeveralSteps | None = None
 
     def __post_init__(self) -> None:
-        self.standing = Standing(self._number)
+        self.standing = StepsStanding(self._number)
         unstirred = frozenset[str]() if self.rig is None else self.rig.unstirred
         self.standing.unstirred = frozenset(f"@{key}" for key in unstirred)
         stated, chosen = self.declared or Declared(), Chosen(self.rig)
@@ -132,7 +132,7 @@ class _Writer:
                 )
                 self.told.tell("xdl.not_declared", message, NOWHERE)
 
-    def lay(self, acts: tuple[Act, ...], after: tuple[str, ...] = ()) -> tuple[str, ...]:
+    def lay(self, acts: tuple[RecipeAct, ...], after: tuple[str, ...] = ()) -> tuple[str, ...]:
         """Write acts behind some steps; return the steps that nothing follows yet."""
         barrier: tuple[str, ...] = after
         queues: dict[str, tuple[str, ...]] = {}
@@ -146,7 +146,7 @@ class _Writer:
         open_ends = tuple(dict.fromkeys(e for tail in queues.values() for e in tail))
         return open_ends or barrier
 
-    def _one(self, act: Act, after: tuple[str, ...]) -> tuple[str, ...]:
+    def _one(self, act: RecipeAct, after: tuple[str, ...]) -> tuple[str, ...]:
         if act.is_blueprint:
             return self.lay(act.children, after)
         if act.name == "Repeat" and act.repeats is not None:
@@ -170,7 +170,7 @@ class _Writer:
             after = self._lay_step(kind, values, notes, after)
         return after
 
-    def _steps(self, act: Act) -> list[Made]:
+    def _steps(self, act: RecipeAct) -> list[Made]:
         """Return the steps of an act, with the reactions that are declared behind it."""
         made = self._expanded(act)
         if made is None and self.several is not None:
@@ -182,7 +182,7 @@ class _Writer:
         here = (r for r in self.declared.reactions if r.after == self.acts_count)
         return [*made, *(("react", dict(reaction.params), []) for reaction in here)]
 
-    def _expanded(self, act: Act) -> list[Made] | None:
+    def _expanded(self, act: RecipeAct) -> list[Made] | None:
         """Return what an act expands to, where its own step cannot say all of it."""
         if act.name not in _EXPANDED:
             return None
@@ -192,11 +192,11 @@ class _Writer:
         is_said = all(not self._is_more(act.name, n, v, said) for n, v in act.values.items())
         return None if is_said else self.basic.make(act, self._comment(act))
 
-    def _comment(self, act: Act) -> list[str]:
+    def _comment(self, act: RecipeAct) -> list[str]:
         comment = act.values.get("comment")
         return [comment] if isinstance(comment, str) and comment else []
 
-    def _made(self, act: Act, several: SeveralSteps) -> list[Made] | None:
+    def _made(self, act: RecipeAct, several: SeveralSteps) -> list[Made] | None:
         made = several.make(act, [])
         if made is not None:
             self._check_said(act, SEVERAL_SAID)
@@ -227,13 +227,13 @@ class _Writer:
             )
         return (step_id,)
 
-    def _check_said(self, act: Act, said: Mapping[str, frozenset[str]]) -> None:
+    def _check_said(self, act: RecipeAct, said: Mapping[str, frozenset[str]]) -> None:
         for name, value in act.values.items():
             if self._is_more(act.name, name, value, said[act.name]):
                 message = f"a workflow of labweb cannot say {name} of {act.name}"
                 self.told.tell("xdl.not_in_workflow", message, act.place)
 
-    def _simple(self, act: Act) -> list[Made]:
+    def _simple(self, act: RecipeAct) -> list[Made]:
         if act.name == "ResetHandling" and self.rig is not None:
             return []
         notes = self._comment(act)
@@ -259,8 +259,8 @@ class _Writer:
         spec = STEPS.steps[step].properties.get(name)
         return spec is None or spec.default is None or spec.default != str(value)
 
-    def _add(self, act: Act, notes: list[str]) -> list[Made]:
-        if isinstance(act.values.get("mass"), Quantity) and "volume" not in act.values:
+    def _add(self, act: RecipeAct, notes: list[str]) -> list[Made]:
+        if isinstance(act.values.get("mass"), XdlQuantity) and "volume" not in act.values:
             message = "a workflow of labweb has no step that adds a solid"
             self.told.tell("xdl.not_in_workflow", message, act.place)
         vessel = self._key(act, "vessel")
@@ -279,14 +279,14 @@ class _Writer:
         before = self.standing.as_said(act, vessel, list(notes))
         return [*before, ("transfer", values, notes)]
 
-    def _transfer(self, act: Act) -> dict[str, str]:
+    def _transfer(self, act: RecipeAct) -> dict[str, str]:
         return {
             "source": self._key(act, "from_vessel"),
             "target": self._key(act, "to_vessel"),
             "volume": self._number(act, "volume", "mL"),
         }
 
-    def _stir(self, act: Act, notes: list[str]) -> list[Made]:
+    def _stir(self, act: RecipeAct, notes: list[str]) -> list[Made]:
         vessel, duration = self._key(act, "vessel"), self._number(act, "time", "s")
         if vessel in self.standing.unstirred:
             return [("wait", {"duration": duration}, [*notes, "nothing stirs it here"])]
@@ -294,7 +294,7 @@ class _Writer:
         self.standing.over(vessel)
         return [("stir", {"vessel": vessel, "stir_speed": speed, "duration": duration}, notes)]
 
-    def _heat(self, act: Act, notes: list[str]) -> list[Made]:
+    def _heat(self, act: RecipeAct, notes: list[str]) -> list[Made]:
         vessel = self._key(act, "vessel")
         values = {"vessel": vessel, "temperature": self._number(act, "temp", "°C")}
         is_held = act.name == "HeatChillToTemp"
@@ -304,10 +304,10 @@ class _Writer:
         self.standing.hold(vessel, _exact(act, "temp"), is_held=is_held)
         return [*before, ("heat_chill", values, notes)]
 
-    def _key(self, act: Act, name: str) -> str:
+    def _key(self, act: RecipeAct, name: str) -> str:
         return self._reference(str(act.values.get(name, "")), act)
 
-    def _reference(self, called: str, act: Act) -> str:
+    def _reference(self, called: str, act: RecipeAct) -> str:
         key = self.keys.get(called, called)
         is_key = KEY.fullmatch(key) is not None and (called in self.keys or " " not in key)
         if not is_key:
@@ -315,18 +315,18 @@ class _Writer:
             self.told.tell("xdl.not_a_key", message, act.place)
         return f"@{key}"
 
-    def _number(self, act: Act, name: str, unit: str) -> str:
+    def _number(self, act: RecipeAct, name: str, unit: str) -> str:
         value = act.values.get(name)
-        if isinstance(value, Quantity) and value.exact is not None:
+        if isinstance(value, XdlQuantity) and value.exact is not None:
             return f"{_plain(value.exact)} {unit}"
-        told = value.word.replace("_", " ") if isinstance(value, Quantity) else ""
+        told = value.word.replace("_", " ") if isinstance(value, XdlQuantity) else ""
         what = f"{told!r} is no number" if told else "one value is needed"
         message = f"{name} of {act.name}: {what}; a workflow of labweb wants one"
         self.told.tell("xdl.range_not_exact", message, act.place)
         return ""
 
 
-def _rates_ul_s(act: Act) -> dict[str, Decimal]:
+def _rates_ul_s(act: RecipeAct) -> dict[str, Decimal]:
     """Return how fast an act says that it adds, by its speed and by its time."""
     speed, time, volume = (_exact(act, name) for name in ("speed", "time", "volume"))
     said = {} if speed is None else {"speed": speed * 1000 / 60}
@@ -335,9 +335,9 @@ def _rates_ul_s(act: Act) -> dict[str, Decimal]:
     return said
 
 
-def _exact(act: Act, name: str) -> Decimal | None:
+def _exact(act: RecipeAct, name: str) -> Decimal | None:
     value = act.values.get(name)
-    return value.exact if isinstance(value, Quantity) else None
+    return value.exact if isinstance(value, XdlQuantity) else None
 
 
 def _plain(value: Decimal) -> str:

@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from labweb.domain.recipes.xdl.expansion.basic_operations import WASTE
-from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity
+from labweb.domain.recipes.xdl.file_format.attribute_values import XdlQuantity
 from labweb.domain.recipes.xdl.file_format.findings import Findings
 from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import Chosen
 from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
-from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, Standing
-from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.timing.stirring_and_heating_between_steps import Made, StepsStanding
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 SAID: Mapping[str, frozenset[str]] = {
@@ -50,17 +50,17 @@ class SeveralSteps:
 
     declared: Declared
     chosen: Chosen
-    key: Callable[[Act, str], str]
+    key: Callable[[RecipeAct, str], str]
     """Reference of what a property names, `@key`."""
 
-    number: Callable[[Act, str, str], str]
+    number: Callable[[RecipeAct, str, str], str]
     """A property as one number with a unit; tells where it is none."""
 
     told: Findings
-    standing: Standing
+    standing: StepsStanding
     _boiled: int = 0
 
-    def make(self, act: Act, notes: list[str]) -> list[Made] | None:
+    def make(self, act: RecipeAct, notes: list[str]) -> list[Made] | None:
         """Return the steps of an act; None: the simple rules do for it."""
         match act.name:
             case "Transfer" if _is_all(act):
@@ -73,17 +73,17 @@ class SeveralSteps:
                 return self._filter_through(act, notes)
         return None
 
-    def _known(self, act: Act, name: str, what: str, notes: list[str]) -> str:
+    def _known(self, act: RecipeAct, name: str, what: str, notes: list[str]) -> str:
         """Return a property, or the value of the table of defaults with a note of it."""
         if name in act.values:
             value = act.values[name]
-            sort = value.sort if isinstance(value, Quantity) else ""
+            sort = value.sort if isinstance(value, XdlQuantity) else ""
             return self.number(act, name, _DISPLAY.get(sort, ""))
         default = DEFAULTS[what]
         notes.append(f"{name} {default.value}: {default.source}")
         return default.value.replace("RPM", "rpm")
 
-    def _transfer(self, act: Act, source: str, target: str, notes: list[str]) -> Made:
+    def _transfer(self, act: RecipeAct, source: str, target: str, notes: list[str]) -> Made:
         values = {
             "source": self.key(act, source),
             "target": self.key(act, target),
@@ -93,7 +93,7 @@ class SeveralSteps:
             values["through"] = self.key(act, "through")
         return "transfer", values, notes
 
-    def _evacuate(self, act: Act, notes: list[str]) -> Made:
+    def _evacuate(self, act: RecipeAct, notes: list[str]) -> Made:
         repeats = act.values.get("repeats")
         if repeats is None:
             repeats = DEFAULTS["evacuate.repeats"].value
@@ -108,7 +108,7 @@ class SeveralSteps:
         }
         return "evacuate_refill", values, notes
 
-    def _drain(self, act: Act, receiver: str) -> list[Made]:
+    def _drain(self, act: RecipeAct, receiver: str) -> list[Made]:
         """Return what empties the receiver, as in a plan: it has room for the next."""
         waste = self.declared.waste or self.chosen.take(act.place, WASTE)
         if not waste and self.chosen.is_planned:
@@ -118,7 +118,7 @@ class SeveralSteps:
             self.told.tell("xdl.not_declared", message, act.place)
         return [("transfer", {"source": f"@{receiver}", "target": f"@{waste}", "volume": ALL}, [])]
 
-    def _evaporate(self, act: Act, notes: list[str]) -> list[Made]:
+    def _evaporate(self, act: RecipeAct, notes: list[str]) -> list[Made]:
         gone = stated_at(self.declared.boils_off, self._boiled)
         self._boiled += 1
         called = str(act.values.get("vessel", ""))
@@ -139,7 +139,7 @@ class SeveralSteps:
             notes.append("mode auto: it lasts all of its time, for it does not end by itself")
         return [("evaporate", values, notes), *self._drain(act, receiver)]
 
-    def _filter_through(self, act: Act, notes: list[str]) -> list[Made]:
+    def _filter_through(self, act: RecipeAct, notes: list[str]) -> list[Made]:
         made = [self._transfer(act, "from_vessel", "to_vessel", notes)]
         if "eluting_solvent" not in act.values:
             return made
@@ -155,6 +155,6 @@ class SeveralSteps:
         return made
 
 
-def _is_all(act: Act) -> bool:
+def _is_all(act: RecipeAct) -> bool:
     volume = act.values.get("volume", act.values.get("amount"))
-    return isinstance(volume, Quantity) and volume.word == ALL
+    return isinstance(volume, XdlQuantity) and volume.word == ALL

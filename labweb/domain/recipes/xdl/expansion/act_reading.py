@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from decimal import Decimal
 
-from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, Field, Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind, BasicOperation, Field
 from labweb.domain.recipes.xdl.expansion.unread_properties import Heeded
-from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity
+from labweb.domain.recipes.xdl.file_format.attribute_values import XdlQuantity
 from labweb.domain.recipes.xdl.file_format.findings import Findings
 from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
 from labweb.domain.recipes.xdl.tables.notation_table import NOTATIONS
 from labweb.domain.recipes.xdl.tables.step_spec import STEPS
-from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 from labweb.domain.units import read_quantity
 
 _HALF = Decimal(2)
@@ -24,14 +24,14 @@ _SILENT = frozenset({"comment", "queue", "purpose", "amount"})
 class ActReading:
     """Reads one act and builds the basic operations of it."""
 
-    def __init__(self, act: Act, told: Findings) -> None:
+    def __init__(self, act: RecipeAct, told: Findings) -> None:
         self.act = act
         self.values = Heeded(act.values)
         self.name = act.name
         self._told = told
         self._assumed: list[str] = []
 
-    def make(self, kind: Kind, **fields: Field) -> BasicOperation:
+    def make(self, kind: BasicKind, **fields: Field) -> BasicOperation:
         """Build one basic operation; what was assumed since the last one is noted in it."""
         assumed, self._assumed = tuple(self._assumed), []
         # Zero is a value: 0 °C is not the same as no temperature.
@@ -91,7 +91,7 @@ class ActReading:
         value = self.values.get(name)
         if isinstance(value, Decimal):
             return value
-        if not isinstance(value, Quantity):
+        if not isinstance(value, XdlQuantity):
             return self._default(name, default)
         if value.word in DEFAULTS:
             return self._default(name, value.word)
@@ -111,7 +111,7 @@ class ActReading:
         A range is its own window, and its middle is set: any value in it is what was asked for.
         """
         value = self.values.get(name)
-        if isinstance(value, Quantity) and value.reading.is_range:
+        if isinstance(value, XdlQuantity) and value.reading.is_range:
             low, high = value.reading.low or Decimal(0), value.reading.high or Decimal(0)
             return (low + high) / _HALF, low, high
         number = self.number(name, default)
@@ -128,7 +128,7 @@ class ActReading:
     def is_all(self, name: str) -> bool:
         """Tell whether all that there is was asked for."""
         value = self.values.get(name)
-        return isinstance(value, Quantity) and value.word == "all"
+        return isinstance(value, XdlQuantity) and value.word == "all"
 
     def needs(self, name: str, value: object) -> None:
         """Tell that the recipe leaves open what no table can say."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from decimal import ROUND_DOWN, Decimal
 
 from labweb.domain.recipes.xdl.expansion.act_reading import ActReading
-from labweb.domain.recipes.xdl.expansion.basic_operations import WASTE, BasicOperation, Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import WASTE, BasicKind, BasicOperation
 from labweb.domain.recipes.xdl.expansion.stir_heat_light_gas import stirring
 from labweb.domain.recipes.xdl.unfolding.reagent_amounts import GRAIN
 
@@ -32,9 +32,9 @@ def add_solid(act: ActReading) -> Operations:
             # The last is what is left, so that all together are the mass.
             share = mass - share * portion
         if portion and time is not None:
-            yield act.make(Kind.WAIT, seconds=time / (portions - 1))
+            yield act.make(BasicKind.WAIT, seconds=time / (portions - 1))
         yield act.make(
-            Kind.ADD_SOLID,
+            BasicKind.ADD_SOLID,
             reagent=act.text("reagent"),
             vessel=act.text("vessel"),
             mass_g=share,
@@ -55,9 +55,9 @@ def transfer(act: ActReading) -> Operations:
     if not act.is_all("volume") and not act.is_all("amount"):
         act.needs("the volume", volume)
     if act.flag("stir_to_vessel"):
-        yield act.make(Kind.START_STIR, vessel=target, speed_rpm=_stir_speed(act))
+        yield act.make(BasicKind.START_STIR, vessel=target, speed_rpm=_stir_speed(act))
     yield act.make(
-        Kind.TRANSFER,
+        BasicKind.TRANSFER,
         source=source,
         target=target,
         volume_ml=volume,
@@ -74,15 +74,15 @@ def transfer(act: ActReading) -> Operations:
         return
     act.needs("the rinsing_volume", rinse)
     for _ in range(act.count("rinsing_repeats")):
-        yield act.make(Kind.ADD_LIQUID, reagent=solvent, vessel=source, volume_ml=rinse)
-        yield act.make(Kind.TRANSFER, source=source, target=target)
+        yield act.make(BasicKind.ADD_LIQUID, reagent=solvent, vessel=source, volume_ml=rinse)
+        yield act.make(BasicKind.TRANSFER, source=source, target=target)
 
 
 def move(act: ActReading) -> Operations:
     """CMove: one move and nothing around it."""
     volume = act.number("volume")
     yield act.make(
-        Kind.TRANSFER,
+        BasicKind.TRANSFER,
         source=act.text("from_vessel"),
         target=act.text("to_vessel"),
         volume_ml=volume,
@@ -103,9 +103,11 @@ def make_solution(act: ActReading) -> Operations:
     for name, weight in zip(names, weights, strict=True):
         mass = getattr(weight, "exact", None)
         act.needs("one mass", mass)
-        yield act.make(Kind.ADD_SOLID, reagent=str(name), vessel=act.text("vessel"), mass_g=mass)
+        yield act.make(
+            BasicKind.ADD_SOLID, reagent=str(name), vessel=act.text("vessel"), mass_g=mass
+        )
     yield act.make(
-        Kind.ADD_LIQUID,
+        BasicKind.ADD_LIQUID,
         reagent=act.text("solvent"),
         vessel=act.text("vessel"),
         volume_ml=act.number("solvent_volume"),
@@ -115,7 +117,7 @@ def make_solution(act: ActReading) -> Operations:
 def reset_handling(act: ActReading) -> Operations:
     """ResetHandling: flush the transfer lines."""
     yield act.make(
-        Kind.RINSE_LINES,
+        BasicKind.RINSE_LINES,
         solvent=act.text("solvent"),
         volume_ml=act.number("volume"),
         repeats=act.rounds(),
@@ -124,7 +126,7 @@ def reset_handling(act: ActReading) -> Operations:
 
 def purge_backbone(act: ActReading) -> Operations:
     """PurgeBackbone: gas through the transfer lines."""
-    yield act.make(Kind.FLUSH_LINES)
+    yield act.make(BasicKind.FLUSH_LINES)
 
 
 def clean_vessel(act: ActReading) -> Operations:
@@ -132,28 +134,28 @@ def clean_vessel(act: ActReading) -> Operations:
     vessel, volume = act.text("vessel"), act.number("volume")
     act.needs("the volume", volume)
     temperature = act.window("temp") if "temp" in act.values else None
-    yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=_stir_speed(act))
+    yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=_stir_speed(act))
     if temperature is not None:
         setpoint, low, high = temperature
-        yield act.make(Kind.SET_TEMPERATURE, vessel=vessel, temperature_c=setpoint)
-        yield act.make(Kind.AWAIT_TEMPERATURE, vessel=vessel, low_c=low, high_c=high)
+        yield act.make(BasicKind.SET_TEMPERATURE, vessel=vessel, temperature_c=setpoint)
+        yield act.make(BasicKind.AWAIT_TEMPERATURE, vessel=vessel, low_c=low, high_c=high)
     for _ in range(act.rounds(default="clean_vessel.repeats")):
         yield act.make(
-            Kind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume
+            BasicKind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume
         )
-        yield act.make(Kind.WAIT, seconds=act.number("time", "clean_vessel.time"))
-        yield act.make(Kind.TRANSFER, source=vessel, target=WASTE)
+        yield act.make(BasicKind.WAIT, seconds=act.number("time", "clean_vessel.time"))
+        yield act.make(BasicKind.TRANSFER, source=vessel, target=WASTE)
     if temperature is not None:
-        yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
-    yield act.make(Kind.STOP_STIR, vessel=vessel)
+        yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
+    yield act.make(BasicKind.STOP_STIR, vessel=vessel)
 
 
 def adjust_ph(act: ActReading) -> Operations:
     """AdjustPH: stir, and add in steps until the pH is read; never more than allowed."""
     vessel = act.text("vessel")
-    yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=_stir_speed(act))
+    yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=_stir_speed(act))
     yield act.make(
-        Kind.ADJUST,
+        BasicKind.ADJUST,
         vessel=vessel,
         reagent=act.text("reagent"),
         ph=act.number("pH"),
@@ -170,7 +172,7 @@ def _dispense(act: ActReading, reagent: str, volume: str) -> Operations:
     grams = None if is_measured else act.number("mass")
     if grams is not None:
         yield act.make(
-            Kind.ADD_SOLID,
+            BasicKind.ADD_SOLID,
             reagent=act.text(reagent),
             vessel=act.text("vessel"),
             mass_g=grams,
@@ -180,7 +182,7 @@ def _dispense(act: ActReading, reagent: str, volume: str) -> Operations:
     if not act.is_all(volume):
         act.needs("the amount", millilitres)
     yield act.make(
-        Kind.ADD_LIQUID,
+        BasicKind.ADD_LIQUID,
         reagent=act.text(reagent),
         vessel=act.text("vessel"),
         volume_ml=millilitres,

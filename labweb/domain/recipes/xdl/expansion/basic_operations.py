@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from enum import StrEnum
 
-from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, FilePlace
 
 WASTE = "@waste"
 """A waste of the rig, to be chosen by what goes into it."""
@@ -27,7 +27,7 @@ KEPT = "@kept"
 """An empty vessel of the rig that collects a phase over all rounds of a Separate."""
 
 
-class Kind(StrEnum):
+class BasicKind(StrEnum):
     """What a basic operation does."""
 
     ADD_LIQUID = "add_liquid"
@@ -116,17 +116,17 @@ Field = str | Decimal | int | bool | None
 class BasicOperation:
     """One basic operation, ready for a rig."""
 
-    kind: Kind
+    kind: BasicKind
     fields: Mapping[str, Field] = field(default_factory=dict)
     """Names end in their unit."""
 
     assumed: tuple[str, ...] = ()
     """What the recipe leaves open, with the entry of the table of defaults: `time=dry.time`."""
 
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
 
-class Effect(StrEnum):
+class ContentsEffect(StrEnum):
     """What an operation does to contents."""
 
     NONE = "none"
@@ -146,22 +146,22 @@ class Effect(StrEnum):
     """Something goes to waste."""
 
 
-EFFECTS: Mapping[Kind, Effect] = {
-    Kind.ADD_LIQUID: Effect.ADDS,
-    Kind.ADD_SOLID: Effect.ADDS,
-    Kind.ADJUST: Effect.ADDS,
-    Kind.TRANSFER: Effect.MOVES,
-    Kind.RUN_COLUMN: Effect.SPLITS,
-    Kind.SEPARATE_PHASES: Effect.SPLITS,
-    Kind.DRAW_FILTRATE: Effect.SPLITS,
-    Kind.COLLECT_DISTILLATE: Effect.SPLITS,
-    Kind.EVAPORATE: Effect.REMOVES,
-    Kind.START_VACUUM: Effect.REMOVES,
-    Kind.RINSE_LINES: Effect.REMOVES,
-    Kind.SET_TEMPERATURE: Effect.CHANGES,
-    Kind.START_LIGHT: Effect.CHANGES,
-    Kind.START_ULTRASOUND: Effect.CHANGES,
-    Kind.MICROWAVE: Effect.CHANGES,
-    Kind.SPIN: Effect.SPLITS,
+EFFECTS: Mapping[BasicKind, ContentsEffect] = {
+    BasicKind.ADD_LIQUID: ContentsEffect.ADDS,
+    BasicKind.ADD_SOLID: ContentsEffect.ADDS,
+    BasicKind.ADJUST: ContentsEffect.ADDS,
+    BasicKind.TRANSFER: ContentsEffect.MOVES,
+    BasicKind.RUN_COLUMN: ContentsEffect.SPLITS,
+    BasicKind.SEPARATE_PHASES: ContentsEffect.SPLITS,
+    BasicKind.DRAW_FILTRATE: ContentsEffect.SPLITS,
+    BasicKind.COLLECT_DISTILLATE: ContentsEffect.SPLITS,
+    BasicKind.EVAPORATE: ContentsEffect.REMOVES,
+    BasicKind.START_VACUUM: ContentsEffect.REMOVES,
+    BasicKind.RINSE_LINES: ContentsEffect.REMOVES,
+    BasicKind.SET_TEMPERATURE: ContentsEffect.CHANGES,
+    BasicKind.START_LIGHT: ContentsEffect.CHANGES,
+    BasicKind.START_ULTRASOUND: ContentsEffect.CHANGES,
+    BasicKind.MICROWAVE: ContentsEffect.CHANGES,
+    BasicKind.SPIN: ContentsEffect.SPLITS,
 }
 """Kinds that touch contents; all others do not."""

@@ -10,8 +10,8 @@ from labweb.domain.recipes.xdl.expansion.basic_operations import (
     BUFFER,
     KEPT,
     WASTE,
+    BasicKind,
     BasicOperation,
-    Kind,
 )
 from labweb.domain.recipes.xdl.expansion.stir_heat_light_gas import (
     return_to_room_temperature,
@@ -44,27 +44,29 @@ def separate(act: ActReading) -> Operations:
 def _into(act: ActReading, source: str, separator: str) -> Operations:
     if source != separator:
         port = act.text("from_port")
-        yield act.make(Kind.TRANSFER, source=source, target=separator, from_port=port)
+        yield act.make(BasicKind.TRANSFER, source=source, target=separator, from_port=port)
 
 
 def _shaken(act: ActReading, separator: str) -> Operations:
     solvent = act.text("solvent")
     if solvent:
         volume = act.number("solvent_volume", "separation.solvent_volume")
-        yield act.make(Kind.ADD_LIQUID, reagent=solvent, vessel=separator, volume_ml=volume)
+        yield act.make(BasicKind.ADD_LIQUID, reagent=solvent, vessel=separator, volume_ml=volume)
     yield from _mixed(act, separator)
 
 
 def _mixed(act: ActReading, separator: str) -> Operations:
     """Shake what is in the separator: fast, then slowly, then let it settle."""
     fast = act.number("stir_speed", "separation.fast_stir_speed")
-    yield act.make(Kind.START_STIR, vessel=separator, speed_rpm=fast)
-    yield act.make(Kind.WAIT, seconds=act.number("stir_time", "separation.fast_stir_time"))
+    yield act.make(BasicKind.START_STIR, vessel=separator, speed_rpm=fast)
+    yield act.make(BasicKind.WAIT, seconds=act.number("stir_time", "separation.fast_stir_time"))
     slow = act.number("slow_stir_speed", "separation.slow_stir_speed")
-    yield act.make(Kind.START_STIR, vessel=separator, speed_rpm=slow)
-    yield act.make(Kind.WAIT, seconds=act.number("slow_stir_time", "separation.slow_stir_time"))
-    yield act.make(Kind.STOP_STIR, vessel=separator)
-    yield act.make(Kind.WAIT, seconds=act.number("settling_time", "separation.settling_time"))
+    yield act.make(BasicKind.START_STIR, vessel=separator, speed_rpm=slow)
+    yield act.make(
+        BasicKind.WAIT, seconds=act.number("slow_stir_time", "separation.slow_stir_time")
+    )
+    yield act.make(BasicKind.STOP_STIR, vessel=separator)
+    yield act.make(BasicKind.WAIT, seconds=act.number("settling_time", "separation.settling_time"))
 
 
 def _parted(
@@ -89,7 +91,7 @@ def _parted(
     own = "to_vessel" if product_to == BUFFER else "waste_phase_to_vessel"
     waits_in = act.text(own) if BUFFER in (upper, lower) else ""
     yield act.make(
-        Kind.SEPARATE_PHASES,
+        BasicKind.SEPARATE_PHASES,
         vessel=separator,
         lower_to=lower,
         upper_to=upper,
@@ -100,15 +102,15 @@ def _parted(
         upper_port=ports.get(upper, ""),
     )
     if BUFFER in (upper, lower):
-        yield act.make(Kind.TRANSFER, source=BUFFER, target=separator)
+        yield act.make(BasicKind.TRANSFER, source=BUFFER, target=separator)
     if is_last and rounds > 1 and leaving == separator:
-        yield act.make(Kind.TRANSFER, source=KEPT, target=separator)
+        yield act.make(BasicKind.TRANSFER, source=KEPT, target=separator)
 
 
 def separate_phases(act: ActReading) -> Operations:
     """SeparatePhases: draw off what has settled."""
     yield act.make(
-        Kind.SEPARATE_PHASES,
+        BasicKind.SEPARATE_PHASES,
         vessel=act.text("separation_vessel"),
         lower_to=act.text("lower_phase_vessel"),
         upper_to=act.text("upper_phase_vessel"),
@@ -129,7 +131,7 @@ def shake_out(act: ActReading) -> Operations:
     for turn in range(rounds):
         volume = act.number("volume")
         yield act.make(
-            Kind.ADD_LIQUID, reagent=act.text("solvent"), vessel=separator, volume_ml=volume
+            BasicKind.ADD_LIQUID, reagent=act.text("solvent"), vessel=separator, volume_ml=volume
         )
         yield from _mixed(act, separator)
         yield from _parted(act, separator, is_wash=is_wash, turn=turn, rounds=rounds)
@@ -140,27 +142,27 @@ def filter_off(act: ActReading) -> Operations:
     vessel = act.text("vessel")
     if act.flag("stir"):
         speed = act.number("stir_speed", "filter.stir_speed")
-        yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
+        yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=speed)
     if "temp" in act.values:
         yield from to_temperature(act)
     yield act.make(
-        Kind.DRAW_FILTRATE,
+        BasicKind.DRAW_FILTRATE,
         vessel=vessel,
         target=act.text("filtrate_vessel", WASTE),
         volume_ml=act.number("volume"),
         aspirate_ml_min=act.number("aspiration_speed"),
     )
-    yield act.make(Kind.STOP_STIR, vessel=vessel)
+    yield act.make(BasicKind.STOP_STIR, vessel=vessel)
     yield from _sucked(act, vessel, "wait_time", "filter.vacuum_time")
     if "temp" in act.values and not act.flag("continue_heatchill"):
-        yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
+        yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
 
 
 def _sucked(act: ActReading, vessel: str, time: str, default: str) -> Operations:
     pressure = act.number("vacuum_pressure", "filter.vacuum_pressure")
-    yield act.make(Kind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
-    yield act.make(Kind.WAIT, seconds=act.number(time, default))
-    yield act.make(Kind.STOP_VACUUM, vessel=vessel)
+    yield act.make(BasicKind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
+    yield act.make(BasicKind.WAIT, seconds=act.number(time, default))
+    yield act.make(BasicKind.STOP_VACUUM, vessel=vessel)
 
 
 def wash_solid(act: ActReading) -> Operations:
@@ -172,83 +174,83 @@ def wash_solid(act: ActReading) -> Operations:
     for _ in range(act.rounds()):
         if stir is True:
             speed = act.number("stir_speed", "filter.stir_speed")
-            yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
+            yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=speed)
         volume = act.number("volume", "wash_solid.volume")
         yield act.make(
-            Kind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume
+            BasicKind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume
         )
         if stir == "solvent":
             speed = act.number("stir_speed", "filter.stir_speed")
-            yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
-        yield act.make(Kind.WAIT, seconds=act.number("time", "wash_solid.time"))
+            yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=speed)
+        yield act.make(BasicKind.WAIT, seconds=act.number("time", "wash_solid.time"))
         if stir == "solvent":
-            yield act.make(Kind.STOP_STIR, vessel=vessel)
+            yield act.make(BasicKind.STOP_STIR, vessel=vessel)
         target = act.text("filtrate_vessel", WASTE)
-        yield act.make(Kind.DRAW_FILTRATE, vessel=vessel, target=target)
+        yield act.make(BasicKind.DRAW_FILTRATE, vessel=vessel, target=target)
         if stir is True:
-            yield act.make(Kind.STOP_STIR, vessel=vessel)
+            yield act.make(BasicKind.STOP_STIR, vessel=vessel)
         yield from _sucked(act, vessel, "vacuum_time", "wash_solid.vacuum_time")
     if "temp" in act.values:
-        yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
+        yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
 
 
 def dry(act: ActReading) -> Operations:
     """Dry: vacuum on the solid, warm when asked."""
     vessel = act.text("vessel")
-    yield act.make(Kind.STOP_STIR, vessel=vessel)
+    yield act.make(BasicKind.STOP_STIR, vessel=vessel)
     if "temp" in act.values:
         yield from to_temperature(act)
     pressure = act.number("pressure", "dry.pressure")
-    yield act.make(Kind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
-    yield act.make(Kind.WAIT, seconds=act.number("time", "dry.time"))
-    yield act.make(Kind.STOP_VACUUM, vessel=vessel)
+    yield act.make(BasicKind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
+    yield act.make(BasicKind.WAIT, seconds=act.number("time", "dry.time"))
+    yield act.make(BasicKind.STOP_VACUUM, vessel=vessel)
     if "temp" in act.values and not act.flag("continue_heatchill"):
-        yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
+        yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
 
 
 def evaporate(act: ActReading) -> Operations:
     """Evaporate: rotate, lower, heat, evacuate; everything off again afterwards."""
     vessel = act.text("vessel")
     speed = act.number("stir_speed", "rotavap.rotation_speed")
-    yield act.make(Kind.START_ROTATION, vessel=vessel, speed_rpm=speed)
-    yield act.make(Kind.LOWER_FLASK, vessel=vessel)
+    yield act.make(BasicKind.START_ROTATION, vessel=vessel, speed_rpm=speed)
+    yield act.make(BasicKind.LOWER_FLASK, vessel=vessel)
     yield from to_temperature(act, default="rotavap.temperature")
     pressure, time = act.number("pressure"), act.number("time")
     is_manual = act.text("mode") == "manual"
     if is_manual:
         act.needs("the time", time)
-    yield act.make(Kind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
+    yield act.make(BasicKind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
     yield act.make(
-        Kind.EVAPORATE, vessel=vessel, seconds=time, is_automatic=act.text("mode") == "auto"
+        BasicKind.EVAPORATE, vessel=vessel, seconds=time, is_automatic=act.text("mode") == "auto"
     )
-    yield act.make(Kind.STOP_VACUUM, vessel=vessel)
-    yield act.make(Kind.RAISE_FLASK, vessel=vessel)
-    yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
-    yield act.make(Kind.STOP_ROTATION, vessel=vessel)
+    yield act.make(BasicKind.STOP_VACUUM, vessel=vessel)
+    yield act.make(BasicKind.RAISE_FLASK, vessel=vessel)
+    yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
+    yield act.make(BasicKind.STOP_ROTATION, vessel=vessel)
 
 
 def filter_through(act: ActReading) -> Operations:
     """FilterThrough: over the filling, then elute the rest after it."""
     source, target, through = act.text("from_vessel"), act.text("to_vessel"), act.text("through")
     way = BUFFER if source == target else target
-    yield act.make(Kind.TRANSFER, source=source, target=way, through=through)
+    yield act.make(BasicKind.TRANSFER, source=source, target=way, through=through)
     residence = act.number("residence_time")
     if residence is not None:
-        yield act.make(Kind.WAIT, seconds=residence)
+        yield act.make(BasicKind.WAIT, seconds=residence)
     solvent, volume = act.text("eluting_solvent"), act.number("eluting_volume")
     if solvent:
         act.needs("the eluting_volume", volume)
         for _ in range(act.count("eluting_repeats")):
-            yield act.make(Kind.ADD_LIQUID, reagent=solvent, vessel=source, volume_ml=volume)
-            yield act.make(Kind.TRANSFER, source=source, target=way, through=through)
+            yield act.make(BasicKind.ADD_LIQUID, reagent=solvent, vessel=source, volume_ml=volume)
+            yield act.make(BasicKind.TRANSFER, source=source, target=way, through=through)
     if way != target:
-        yield act.make(Kind.TRANSFER, source=way, target=target)
+        yield act.make(BasicKind.TRANSFER, source=way, target=target)
 
 
 def filter_to(act: ActReading) -> Operations:
     """FilterTo: all of it through a filter into another vessel."""
     yield act.make(
-        Kind.TRANSFER,
+        BasicKind.TRANSFER,
         source=act.text("from_vessel"),
         target=act.text("to_vessel"),
         through=act.text("through"),
@@ -258,18 +260,18 @@ def filter_to(act: ActReading) -> Operations:
 def dry_dissolved(act: ActReading) -> Operations:
     """DryDissolved: over the drying agent, and the rinse after it."""
     source, target, through = act.text("from_vessel"), act.text("to_vessel"), act.text("through")
-    yield act.make(Kind.TRANSFER, source=source, target=target, through=through)
+    yield act.make(BasicKind.TRANSFER, source=source, target=target, through=through)
     solvent, volume = act.text("rinsing_solvent"), act.number("rinsing_volume")
     if solvent:
         act.needs("the rinsing_volume", volume)
-        yield act.make(Kind.ADD_LIQUID, reagent=solvent, vessel=source, volume_ml=volume)
-        yield act.make(Kind.TRANSFER, source=source, target=target, through=through)
+        yield act.make(BasicKind.ADD_LIQUID, reagent=solvent, vessel=source, volume_ml=volume)
+        yield act.make(BasicKind.TRANSFER, source=source, target=target, through=through)
 
 
 def run_column(act: ActReading) -> Operations:
     """RunColumn: over the column into the target; fractions are a matter of the rig."""
     yield act.make(
-        Kind.RUN_COLUMN,
+        BasicKind.RUN_COLUMN,
         source=act.text("from_vessel"),
         target=act.text("to_vessel"),
         through=act.text("column"),
@@ -282,7 +284,7 @@ def dissolve(act: ActReading) -> Operations:
     vessel, volume = act.text("vessel"), act.number("volume")
     act.needs("the amount of solvent", volume)
     yield act.make(
-        Kind.ADD_LIQUID,
+        BasicKind.ADD_LIQUID,
         reagent=act.text("solvent"),
         vessel=vessel,
         volume_ml=volume,
@@ -291,19 +293,19 @@ def dissolve(act: ActReading) -> Operations:
         dispense_ml_min=act.number("dispense_speed"),
     )
     speed = act.number("stir_speed", "stir_speed")
-    yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
+    yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=speed)
     if "temp" in act.values:
         yield from to_temperature(act)
-    yield act.make(Kind.WAIT, seconds=act.number("time", "dissolve.time"))
+    yield act.make(BasicKind.WAIT, seconds=act.number("time", "dissolve.time"))
     if "temp" in act.values:
-        yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
+        yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
 
 
 def precipitate(act: ActReading) -> Operations:
     """Precipitate: stir, come to the temperature, add what precipitates, wait."""
     vessel, reagent = act.text("vessel"), act.text("reagent")
     speed = act.number("stir_speed", "stir_speed")
-    yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
+    yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=speed)
     if "temp" in act.values:
         yield from to_temperature(act)
     if reagent:
@@ -311,26 +313,28 @@ def precipitate(act: ActReading) -> Operations:
         act.needs("the volume", volume)
         over = act.number("add_time")
         yield act.make(
-            Kind.ADD_LIQUID, reagent=reagent, vessel=vessel, volume_ml=volume, over_s=over
+            BasicKind.ADD_LIQUID, reagent=reagent, vessel=vessel, volume_ml=volume, over_s=over
         )
     time = act.number("time")
     if time is not None:
-        yield act.make(Kind.WAIT, seconds=time)
+        yield act.make(BasicKind.WAIT, seconds=time)
 
 
 def recrystallize(act: ActReading) -> Operations:
     """Recrystallize: dissolve hot, hold, cool undisturbed."""
     vessel, volume = act.text("vessel"), act.number("solvent_volume")
-    yield act.make(Kind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume)
+    yield act.make(
+        BasicKind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume
+    )
     speed = act.number("stir_speed", "stir_speed")
-    yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
+    yield act.make(BasicKind.START_STIR, vessel=vessel, speed_rpm=speed)
     act.needs("the dissolve_temp", act.values.get("dissolve_temp"))
     yield from to_temperature(act, "dissolve_temp")
-    yield act.make(Kind.WAIT, seconds=act.number("time"))
-    yield act.make(Kind.STOP_STIR, vessel=vessel)
+    yield act.make(BasicKind.WAIT, seconds=act.number("time"))
+    yield act.make(BasicKind.STOP_STIR, vessel=vessel)
     if "crystallize_temp" in act.values:
         yield from to_temperature(act, "crystallize_temp")
-        yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
+        yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
     else:
         yield from return_to_room_temperature(act)
 
@@ -345,25 +349,25 @@ def distill(act: ActReading) -> Operations:
             "xdl.left_open", "Distill says neither a time nor a vapour temperature to end at"
         )
     if pressure is not None:
-        yield act.make(Kind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
+        yield act.make(BasicKind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
     yield from to_temperature(act)
     yield act.make(
-        Kind.COLLECT_DISTILLATE,
+        BasicKind.COLLECT_DISTILLATE,
         vessel=vessel,
         target=act.text("to_vessel"),
         seconds=time,
         vapour_c=vapour,
     )
-    yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
+    yield act.make(BasicKind.STOP_TEMPERATURE, vessel=vessel)
     if pressure is not None:
-        yield act.make(Kind.STOP_VACUUM, vessel=vessel)
+        yield act.make(BasicKind.STOP_VACUUM, vessel=vessel)
 
 
 def centrifuge(act: ActReading) -> Operations:
     """Centrifuge: spin for the time; what is on top is for a later Transfer."""
     speed: Decimal | None = act.number("speed")
     yield act.make(
-        Kind.SPIN,
+        BasicKind.SPIN,
         vessel=act.text("vessel"),
         speed_rpm=speed,
         acceleration_g=act.number("acceleration"),

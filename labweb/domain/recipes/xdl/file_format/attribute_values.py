@@ -10,18 +10,18 @@ from decimal import Decimal
 from labweb.domain.errors import UnitError
 from labweb.domain.recipes.xdl.tables.notation_table import AMOUNTS, CONCENTRATIONS, MASS, NOTATIONS
 from labweb.domain.recipes.xdl.tables.step_spec import Property
-from labweb.domain.units import Notation, Reading, read_quantity
+from labweb.domain.units import Notation, QuantityReading, read_quantity
 
 
 @dataclass(frozen=True, slots=True)
-class Quantity:
+class XdlQuantity:
     """A measured value: what is measured, and how much of it in XDL's standard unit."""
 
     sort: str
     """`volume` in mL, `mass` in g, `moles` in mol, `equivalents`, `time` in s, `temperature` in °C,
     `pressure` in mbar, `rotation` in RPM, `flow` in mL/min, `wavelength` in nm and so on."""
 
-    reading: Reading
+    reading: QuantityReading
     is_per_equivalent: bool = False
     """Scaled by the equivalents of a blueprint: `20 mg/eq`."""
 
@@ -43,7 +43,7 @@ class ParameterName:
     id: str
 
 
-Value = Quantity | ParameterName | bool | int | Decimal | str | tuple["Value", ...]
+Value = XdlQuantity | ParameterName | bool | int | Decimal | str | tuple["Value", ...]
 
 _TRUTH = {"true": True, "True": True, "false": False, "False": False}
 _COUNT = re.compile(r"[0-9]{1,9}")
@@ -71,7 +71,7 @@ def read_value(text: str, wanted: Property) -> Value:
         plain = text.strip()
         text = plain.removeprefix("pH").strip() if wanted.sort == "ph" else text
         sort = wanted.sort.removesuffix("_or_all")
-        return Quantity(sort, read_quantity(text, NOTATIONS[wanted.sort]))
+        return XdlQuantity(sort, read_quantity(text, NOTATIONS[wanted.sort]))
     return _READERS[wanted.sort](text)
 
 
@@ -89,7 +89,7 @@ def unit_of(sort: str) -> str:
 
 def written(value: Value | None) -> str:
     """Return a value as a recipe may write it, in standard units; "" for none."""
-    if isinstance(value, Quantity):
+    if isinstance(value, XdlQuantity):
         reading, unit = value.reading, unit_of(value.sort)
         if reading.word or reading.low is None or reading.high is None:
             return reading.word.replace("_", " ")
@@ -109,7 +109,7 @@ def _plain(number: Decimal) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
-def read_amount(text: str) -> Quantity:
+def read_amount(text: str) -> XdlQuantity:
     """Read an amount whose unit says what is measured: `5 g`, `2 mmol`, `1.2 eq`, `3 mL/eq`.
 
     Raises:
@@ -118,15 +118,15 @@ def read_amount(text: str) -> Quantity:
     match = _PER_EQUIVALENT.match(text)
     if match and match[1].strip():
         found = _first(match[1], {k: v for k, v in AMOUNTS.items() if k != "equivalents"}, "amount")
-        return Quantity(found.sort, found.reading, is_per_equivalent=True)
+        return XdlQuantity(found.sort, found.reading, is_per_equivalent=True)
     return _first(text, AMOUNTS, "amount")
 
 
-def _first(text: str, notations: Mapping[str, Notation], what: str) -> Quantity:
+def _first(text: str, notations: Mapping[str, Notation], what: str) -> XdlQuantity:
     unknown: UnitError | None = None
     for sort, notation in notations.items():
         try:
-            return Quantity(sort, read_quantity(text, notation))
+            return XdlQuantity(sort, read_quantity(text, notation))
         except UnitError as error:
             if error.code != "unit.unknown":
                 raise
@@ -136,9 +136,9 @@ def _first(text: str, notations: Mapping[str, Notation], what: str) -> Quantity:
     raise UnitError(message, code="unit.unknown") from unknown
 
 
-def _amount_or_all(text: str) -> Quantity:
+def _amount_or_all(text: str) -> XdlQuantity:
     if text.strip() == "all":
-        return Quantity("volume", Reading(word="all"))
+        return XdlQuantity("volume", QuantityReading(word="all"))
     return read_amount(text)
 
 
@@ -178,7 +178,7 @@ def _formula(text: str) -> str:
 
 
 def _masses(text: str) -> tuple[Value, ...]:
-    return tuple(Quantity("mass", read_quantity(part, MASS)) for part in _parts(text))
+    return tuple(XdlQuantity("mass", read_quantity(part, MASS)) for part in _parts(text))
 
 
 def _parts(text: str) -> tuple[str, ...]:

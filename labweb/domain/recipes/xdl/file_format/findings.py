@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 from labweb.domain.errors import Finding
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 
 class Findings:
@@ -15,7 +15,7 @@ class Findings:
     def __init__(self) -> None:
         self.all: list[Finding] = []
 
-    def tell(self, code: str, message: str, place: Place, **facts: object) -> None:
+    def tell(self, code: str, message: str, place: FilePlace, **facts: object) -> None:
         """Add one finding; `facts` are what its message says, for programs."""
         context: dict[str, object] = {"path": place.path} if place.path else {}
         if place.line:

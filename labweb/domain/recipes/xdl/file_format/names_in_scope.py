@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from labweb.domain.recipes.xdl.file_format.recipe_model import Parameter, Procedure
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.recipes.xdl.file_format.recipe_model import Procedure, XdlParameter
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 HARDWARE, REAGENT = "Hardware", "Reagent"
 
@@ -20,7 +20,7 @@ class Missed:
 
     name: str
     property: str
-    place: Place
+    place: FilePlace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class Scope:
 
     vessels: frozenset[str]
     reagents: frozenset[str]
-    parameters: Mapping[str, Parameter]
+    parameters: Mapping[str, XdlParameter]
     variables: Mapping[str, str] = field(default_factory=dict)
     """Loop variable → `Hardware` or `Reagent`."""
 

@@ -10,11 +10,11 @@ from labweb.domain.recipes.xdl.file_format.attribute_values import Value, read_a
 from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
 from labweb.domain.recipes.xdl.file_format.recipe_model import (
     Component,
-    Parameter,
     Procedure,
     Reagent,
+    XdlParameter,
 )
-from labweb.domain.recipes.xdl.file_format.xml_tree import Attribute, Element
+from labweb.domain.recipes.xdl.file_format.xml_tree import Attribute, XmlElement
 from labweb.domain.recipes.xdl.tables.step_spec import (
     COMPONENT,
     METADATA,
@@ -31,7 +31,7 @@ _HABITS = (
 _SECTIONS = ("Metadata", "Hardware", "Parameters", "Reagents", "Procedure")
 
 
-def read_head(element: Element, told: Findings, *, is_blueprint: bool) -> Procedure:
+def read_head(element: XmlElement, told: Findings, *, is_blueprint: bool) -> Procedure:
     """Read everything of a Synthesis or Blueprint but its steps; tell what is wrong."""
     sections = _sections(element, told, is_blueprint=is_blueprint)
     if "Metadata" in sections:
@@ -66,12 +66,12 @@ def read_attribute(attribute: Attribute, wanted: Property, of: str, told: Findin
         return None
 
 
-def _entries(section: Element | None) -> tuple[Element, ...]:
+def _entries(section: XmlElement | None) -> tuple[XmlElement, ...]:
     return () if section is None else section.elements
 
 
-def _sections(element: Element, told: Findings, *, is_blueprint: bool) -> dict[str, Element]:
-    found: dict[str, Element] = {}
+def _sections(element: XmlElement, told: Findings, *, is_blueprint: bool) -> dict[str, XmlElement]:
+    found: dict[str, XmlElement] = {}
     for child in element.elements:
         if child.tag not in _SECTIONS:
             hint = nearest(child.tag, _SECTIONS)
@@ -92,7 +92,7 @@ def _sections(element: Element, told: Findings, *, is_blueprint: bool) -> dict[s
 
 
 def _check_attributes(
-    element: Element, known: Mapping[str, Property], told: Findings
+    element: XmlElement, known: Mapping[str, Property], told: Findings
 ) -> dict[str, Value]:
     values: dict[str, Value] = {}
     for attribute in element.attributes:
@@ -114,7 +114,7 @@ def _check_attributes(
     return values
 
 
-def _component(element: Element, told: Findings) -> Component | None:
+def _component(element: XmlElement, told: Findings) -> Component | None:
     early = EARLY_COMPONENTS.get(element.tag)
     if element.tag != "Component" and early is None:
         message = f"<{element.tag}> is no piece of hardware that XDL knows: write <Component>"
@@ -133,7 +133,7 @@ def _component(element: Element, told: Findings) -> Component | None:
     )
 
 
-def _reagent(element: Element, told: Findings, *, is_blueprint: bool) -> Reagent | None:
+def _reagent(element: XmlElement, told: Findings, *, is_blueprint: bool) -> Reagent | None:
     if element.tag != "Reagent":
         message = f"<{element.tag}> does not belong into <Reagents>"
         told.tell("xdl.unknown_section", message, element.place)
@@ -152,7 +152,7 @@ def _reagent(element: Element, told: Findings, *, is_blueprint: bool) -> Reagent
     )
 
 
-def _parameter(element: Element, told: Findings) -> Parameter | None:
+def _parameter(element: XmlElement, told: Findings) -> XdlParameter | None:
     if element.tag != "Parameter":
         message = f"<{element.tag}> does not belong into <Parameters>"
         told.tell("xdl.unknown_section", message, element.place)
@@ -172,7 +172,7 @@ def _parameter(element: Element, told: Findings) -> Parameter | None:
         if attribute is not None:
             wanted = Property(name=role, sort=sort)
             read[role] = read_attribute(attribute, wanted, f"Parameter {name!r}", told)
-    return Parameter(
+    return XdlParameter(
         id=name,
         sort=sort,
         value=read.get("value"),
@@ -182,7 +182,9 @@ def _parameter(element: Element, told: Findings) -> Parameter | None:
     )
 
 
-def _base_scale(procedure: Element | None, told: Findings, *, is_blueprint: bool) -> Value | None:
+def _base_scale(
+    procedure: XmlElement | None, told: Findings, *, is_blueprint: bool
+) -> Value | None:
     if procedure is None:
         return None
     scale: Value | None = None
@@ -204,7 +206,7 @@ def _base_scale(procedure: Element | None, told: Findings, *, is_blueprint: bool
     return scale
 
 
-def _declared(procedure: Procedure) -> list[Component | Reagent | Parameter]:
+def _declared(procedure: Procedure) -> list[Component | Reagent | XdlParameter]:
     return [*procedure.hardware, *procedure.reagents, *procedure.parameters]
 
 
@@ -234,7 +236,7 @@ def _check_names(procedure: Procedure, told: Findings) -> None:
                 told.tell("xdl.duplicate_name", message, reagent.place, first=str(other.place))
 
 
-def _is_repeated(entry: Component | Reagent | Parameter, procedure: Procedure) -> bool:
+def _is_repeated(entry: Component | Reagent | XdlParameter, procedure: Procedure) -> bool:
     """Tell whether all that have this id say the same of the same sort: nothing is left open."""
     return all(other == entry for other in _declared(procedure) if other.id == entry.id)
 

@@ -9,8 +9,8 @@ from labweb.domain.recipes.xdl.file_format.attribute_values import ParameterName
 from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
 from labweb.domain.recipes.xdl.file_format.names_in_scope import HARDWARE, REAGENT, Missed, Scope
 from labweb.domain.recipes.xdl.file_format.read_head import read_attribute
-from labweb.domain.recipes.xdl.file_format.recipe_model import Procedure, Step
-from labweb.domain.recipes.xdl.file_format.xml_tree import Attribute, Element
+from labweb.domain.recipes.xdl.file_format.recipe_model import Procedure, XdlStep
+from labweb.domain.recipes.xdl.file_format.xml_tree import Attribute, XmlElement
 from labweb.domain.recipes.xdl.tables.step_spec import COMPONENT, Property, StepSpec, StepTable
 from labweb.domain.recipes.xdl.tables.step_spec import REAGENT as REAGENT_PROPERTIES
 from labweb.domain.recipes.xdl.tables.step_table import RENAMED_VALUES, SECTIONS
@@ -42,9 +42,9 @@ class StepReader:
 
     pids: set[str] = field(default_factory=set)
 
-    def read(self, procedure: Element, scope: Scope) -> tuple[Step, ...]:
+    def read(self, procedure: XmlElement, scope: Scope) -> tuple[XdlStep, ...]:
         """Read all steps, in sections or without."""
-        steps: list[Step] = []
+        steps: list[XdlStep] = []
         for child in procedure.elements:
             if child.tag in SECTIONS:
                 self._refuse_attributes(child)
@@ -53,12 +53,12 @@ class StepReader:
                 steps.append(step)
         return tuple(steps)
 
-    def _refuse_attributes(self, section: Element) -> None:
+    def _refuse_attributes(self, section: XmlElement) -> None:
         for attribute in section.attributes:
             message = f"{attribute.name!r} is not a valid attribute for {section.tag}"
             self.told.tell("xdl.unknown_property", message, attribute.place)
 
-    def _step(self, element: Element, scope: Scope, section: str) -> Step | None:
+    def _step(self, element: XmlElement, scope: Scope, section: str) -> XdlStep | None:
         blueprint = self.blueprints.get(element.tag)
         spec = self.table.spec(element.tag)
         if blueprint is not None:
@@ -77,7 +77,7 @@ class StepReader:
         if spec.name == "Async" and isinstance(values.get("pid"), str):
             self.pids.add(str(values["pid"]))
         children = self._children(element, spec, inner, section)
-        step = Step(
+        step = XdlStep(
             name=spec.name,
             values=values,
             children=children,
@@ -89,8 +89,8 @@ class StepReader:
         return step
 
     def _children(
-        self, element: Element, spec: StepSpec, scope: Scope, section: str
-    ) -> tuple[Step, ...]:
+        self, element: XmlElement, spec: StepSpec, scope: Scope, section: str
+    ) -> tuple[XdlStep, ...]:
         if element.elements and not spec.has_children:
             message = f"{spec.name} holds no steps"
             self.told.tell("xdl.unexpected_children", message, element.elements[0].place)
@@ -99,7 +99,7 @@ class StepReader:
             self.told.tell("xdl.no_children", f"{spec.name} holds no step", element.place)
         return tuple(s for e in element.elements if (s := self._step(e, scope, section)))
 
-    def _values(self, element: Element, spec: StepSpec, scope: Scope) -> dict[str, Value]:
+    def _values(self, element: XmlElement, spec: StepSpec, scope: Scope) -> dict[str, Value]:
         values: dict[str, Value] = {}
         written: set[str] = set()
         for written_as in element.attributes:
@@ -177,7 +177,7 @@ class StepReader:
             )
         return ParameterName(parameter.id)
 
-    def _check_complete(self, element: Element, spec: StepSpec, written: set[str]) -> None:
+    def _check_complete(self, element: XmlElement, spec: StepSpec, written: set[str]) -> None:
         missing = [p.name for p in spec.properties.values() if p.is_required]
         for name in missing:
             if name not in written:
@@ -194,7 +194,7 @@ class StepReader:
                 self.told.tell("xdl.two_amounts", message, element.place)
 
     def _loop(
-        self, element: Element, spec: StepSpec, scope: Scope
+        self, element: XmlElement, spec: StepSpec, scope: Scope
     ) -> tuple[tuple[str, str, str], ...]:
         if spec.name != "Repeat":
             return ()
@@ -218,7 +218,7 @@ class StepReader:
             found.append((variable, name, attribute.value))
         return tuple(found)
 
-    def _check_repeat(self, step: Step) -> None:
+    def _check_repeat(self, step: XdlStep) -> None:
         if step.name != "Repeat":
             return
         specs = [self.table.spec(child.name) for child in step.children]
@@ -233,7 +233,9 @@ class StepReader:
             message = f"a Repeat ends by exactly one of three ways; this one has {told}"
             self.told.tell("xdl.repeat_end", message, step.place)
 
-    def _use(self, element: Element, blueprint: Procedure, scope: Scope, section: str) -> Step:
+    def _use(
+        self, element: XmlElement, blueprint: Procedure, scope: Scope, section: str
+    ) -> XdlStep:
         mapping: dict[str, str] = {}
         values: dict[str, Value] = {}
         for attribute in element.attributes:
@@ -252,7 +254,7 @@ class StepReader:
         if element.elements:
             message = f"{blueprint.id} is a blueprint and holds no steps here"
             self.told.tell("xdl.unexpected_children", message, element.elements[0].place)
-        return Step(
+        return XdlStep(
             name=blueprint.id, values=values, mapping=mapping, section=section, place=element.place
         )
 
@@ -275,7 +277,7 @@ class StepReader:
             self.told.tell("xdl.unknown_mapping", message, attribute.place)
 
     def _check_mapped(
-        self, element: Element, blueprint: Procedure, mapping: Mapping[str, str]
+        self, element: XmlElement, blueprint: Procedure, mapping: Mapping[str, str]
     ) -> None:
         place = element.place
         for component in blueprint.hardware:

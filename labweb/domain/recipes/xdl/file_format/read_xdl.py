@@ -16,11 +16,11 @@ from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
 from labweb.domain.recipes.xdl.file_format.names_in_scope import HARDWARE, Missed, scope_of
 from labweb.domain.recipes.xdl.file_format.read_head import read_head
 from labweb.domain.recipes.xdl.file_format.read_steps import StepReader
-from labweb.domain.recipes.xdl.file_format.recipe_model import Procedure, Recipe, Step
+from labweb.domain.recipes.xdl.file_format.recipe_model import Procedure, Recipe, XdlStep
 from labweb.domain.recipes.xdl.file_format.xml_tree import (
-    Document,
-    Element,
     Instruction,
+    XmlDocument,
+    XmlElement,
     parse_markup,
 )
 from labweb.domain.recipes.xdl.tables.step_spec import STEPS, SYNTHESIS, StepTable
@@ -34,7 +34,7 @@ def read_xdl(
     *,
     table: StepTable = STEPS,
     rig_vessels: frozenset[str] = frozenset(),
-    library: Sequence[Document] = (),
+    library: Sequence[XmlDocument] = (),
 ) -> Recipe:
     """Read an XDL file.
 
@@ -66,11 +66,11 @@ def refusal(findings: list[Finding], what: str = "recipe") -> ProtocolError:
 
 
 def check_document(
-    document: Document,
+    document: XmlDocument,
     *,
     table: StepTable = STEPS,
     rig_vessels: frozenset[str] = frozenset(),
-    library: Sequence[Document] = (),
+    library: Sequence[XmlDocument] = (),
 ) -> tuple[Recipe, list[Finding]]:
     """Read a tree as a recipe, and list everything that is wrong with it."""
     told = Findings()
@@ -108,7 +108,7 @@ def check_available(recipe: Recipe, available: frozenset[str]) -> list[Finding]:
     return told.all
 
 
-def _version(document: Document, told: Findings) -> str:
+def _version(document: XmlDocument, told: Findings) -> str:
     for node in document.before:
         if isinstance(node, Instruction) and node.target == "xdl":
             match = _VERSION.search(node.text)
@@ -120,14 +120,14 @@ def _version(document: Document, told: Findings) -> str:
     return ""
 
 
-def _tops(root: Element, told: Findings) -> tuple[list[Element], dict[str, Element]]:
+def _tops(root: XmlElement, told: Findings) -> tuple[list[XmlElement], dict[str, XmlElement]]:
     if root.tag == "Synthesis":
         return [root], {}
     if root.tag != "XDL":
         told.tell("xdl.root", f"the root is <{root.tag}>, not <XDL> or <Synthesis>", root.place)
         return [], {}
-    syntheses: list[Element] = []
-    blueprints: dict[str, Element] = {}
+    syntheses: list[XmlElement] = []
+    blueprints: dict[str, XmlElement] = {}
     for child in root.elements:
         if child.tag == "Synthesis":
             syntheses.append(child)
@@ -145,7 +145,7 @@ def _tops(root: Element, told: Findings) -> tuple[list[Element], dict[str, Eleme
     return syntheses, blueprints
 
 
-def _take_blueprint(element: Element, found: dict[str, Element], told: Findings) -> None:
+def _take_blueprint(element: XmlElement, found: dict[str, XmlElement], told: Findings) -> None:
     name = element.text_of("id")
     for attribute in element.attributes:
         if attribute.name not in {"id", "comment"}:
@@ -179,11 +179,11 @@ class _Bodies:
         self._rig_vessels = rig_vessels
         self._missed: dict[str, list[Missed]] = {}
 
-    def blueprint(self, element: Element, head: Procedure) -> Procedure:
+    def blueprint(self, element: XmlElement, head: Procedure) -> Procedure:
         steps, self._missed[head.id] = self._steps(element, head)
         return replace(head, steps=steps)
 
-    def synthesis(self, element: Element) -> Procedure:
+    def synthesis(self, element: XmlElement) -> Procedure:
         head = read_head(element, self._told, is_blueprint=False)
         for attribute in element.attributes:
             if attribute.name not in SYNTHESIS:
@@ -198,7 +198,9 @@ class _Bodies:
             self._tell(miss)
         return replace(head, steps=steps)
 
-    def _steps(self, element: Element, head: Procedure) -> tuple[tuple[Step, ...], list[Missed]]:
+    def _steps(
+        self, element: XmlElement, head: Procedure
+    ) -> tuple[tuple[XdlStep, ...], list[Missed]]:
         procedure = next((e for e in element.elements if e.tag == "Procedure"), None)
         if procedure is None:
             return (), []
@@ -250,11 +252,11 @@ class _Bodies:
             self._told.tell("xdl.reagent_not_declared", message, miss.place)
 
 
-_Use = tuple[Procedure | None, Step]
+_Use = tuple[Procedure | None, XdlStep]
 
 
 def _meant(
-    step: Step, inside: Procedure | None, uses: Sequence[_Use], seen: frozenset[str]
+    step: XdlStep, inside: Procedure | None, uses: Sequence[_Use], seen: frozenset[str]
 ) -> set[str]:
     """List what a use maps, and what that stands for where the use is itself inside a blueprint."""
     names = set(step.mapping.values())
@@ -269,8 +271,8 @@ def _meant(
     return names | (set.intersection(*outer) if outer else set())
 
 
-def _all_steps(steps: tuple[Step, ...]) -> list[Step]:
-    found: list[Step] = []
+def _all_steps(steps: tuple[XdlStep, ...]) -> list[XdlStep]:
+    found: list[XdlStep] = []
     for step in steps:
         found += [step, *_all_steps(step.children)]
     return found

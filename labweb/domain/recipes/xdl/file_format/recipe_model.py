@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from labweb.domain.recipes.xdl.file_format.attribute_values import Value
-from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, Document, Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, FilePlace, XmlDocument
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,7 +18,7 @@ class Component:
     chemical: str = ""
     """What it is filled with, for a cartridge or a flask."""
 
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ class Reagent:
     """The substance; "" for a role that whoever uses the blueprint fills."""
 
     values: Mapping[str, Value] = field(default_factory=dict)
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
     @property
     def is_solid(self) -> bool:
@@ -41,7 +41,7 @@ class Reagent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
+class XdlParameter:
     """A value that is given when the recipe is used."""
 
     id: str
@@ -49,18 +49,18 @@ class Parameter:
     value: Value | None = None
     least: Value | None = None
     most: Value | None = None
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class XdlStep:
     """One step as written: its values read, its names checked, nothing filled in."""
 
     name: str
     values: Mapping[str, Value] = field(default_factory=dict)
     """By the name of the property since 0.4."""
 
-    children: tuple[Step, ...] = ()
+    children: tuple[XdlStep, ...] = ()
     section: str = ""
     """`Prep`, `Reaction`, `Workup` or `Purification`; "" outside of them."""
 
@@ -70,7 +70,7 @@ class Step:
     mapping: Mapping[str, str] = field(default_factory=dict)
     """Use of a blueprint: its id → what stands for it here."""
 
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
     @property
     def queue(self) -> str:
@@ -86,8 +86,8 @@ class Procedure:
     id: str
     hardware: tuple[Component, ...] = ()
     reagents: tuple[Reagent, ...] = ()
-    parameters: tuple[Parameter, ...] = ()
-    steps: tuple[Step, ...] = ()
+    parameters: tuple[XdlParameter, ...] = ()
+    steps: tuple[XdlStep, ...] = ()
     base_scale: Value | None = None
     """mol of one equivalent for which a blueprint was worked out."""
 
@@ -97,7 +97,7 @@ class Procedure:
     habits: tuple[str, ...] = ()
     """Attributes by which recipes before 0.4 ask a platform to clean of its own accord."""
 
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
     def component(self, name: str) -> Component | None:
         """Return the component of that id, or None."""
@@ -113,7 +113,7 @@ class Procedure:
 class Recipe:
     """Everything one file holds."""
 
-    document: Document = field(repr=False)
+    document: XmlDocument = field(repr=False)
     """The file itself, with comments and places; what is written back."""
 
     version: str = ""

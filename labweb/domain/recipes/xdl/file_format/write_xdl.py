@@ -12,10 +12,10 @@ from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
 from labweb.domain.recipes.xdl.file_format.xdl_json import render_json
 from labweb.domain.recipes.xdl.file_format.xml_tree import (
     Attribute,
-    Document,
-    Element,
     Instruction,
     Node,
+    XmlDocument,
+    XmlElement,
     render_markup,
 )
 from labweb.domain.recipes.xdl.tables.step_spec import STEPS
@@ -92,7 +92,7 @@ class _Rewriter:
     def _is_early(self) -> bool:
         return self.version.startswith("0.")
 
-    def document(self, document: Document) -> Document:
+    def document(self, document: XmlDocument) -> XmlDocument:
         told = Findings()
         root = self._element(document.root, told, is_role=False)
         if self._is_early and root.tag == "XDL":
@@ -100,14 +100,14 @@ class _Rewriter:
             if len(tops) == 1 and len(root.children) == 1:
                 root = tops[0]
         elif not self._is_early and root.tag == "Synthesis":
-            root = Element("XDL", (), (root,))
+            root = XmlElement("XDL", (), (root,))
         if told.all:
             raise refusal(told.all)
         kept = [n for n in document.before if not _is_version(n)]
         mark = Instruction("xdl", f'version="{_full(self.version)}"')
-        return Document(root, (mark, *kept), document.after)
+        return XmlDocument(root, (mark, *kept), document.after)
 
-    def _element(self, element: Element, told: Findings, *, is_role: bool) -> Element:
+    def _element(self, element: XmlElement, told: Findings, *, is_role: bool) -> XmlElement:
         tag, attributes = element.tag, element.attributes
         for reason in self._newer(element):
             message = f"XDL {self.version} has no {reason}"
@@ -122,20 +122,22 @@ class _Rewriter:
         is_role = is_role or tag == "Blueprint"
         children = tuple(
             self._child(element, child, told, is_role=is_role)
-            if isinstance(child, Element)
+            if isinstance(child, XmlElement)
             else child
             for child in element.children
         )
-        return Element(tag, attributes, children, element.place)
+        return XmlElement(tag, attributes, children, element.place)
 
-    def _child(self, parent: Element, child: Element, told: Findings, *, is_role: bool) -> Element:
+    def _child(
+        self, parent: XmlElement, child: XmlElement, told: Findings, *, is_role: bool
+    ) -> XmlElement:
         # In 2019 <Filter> named hardware, and since then it is a step.
         if parent.tag == "Hardware" and child.tag in EARLY_COMPONENTS:
             mark = Attribute("type", EARLY_COMPONENTS[child.tag])
-            return Element("Component", (*child.attributes, mark), (), child.place)
+            return XmlElement("Component", (*child.attributes, mark), (), child.place)
         return self._element(child, told, is_role=is_role)
 
-    def _reagent(self, element: Element, *, is_role: bool) -> tuple[Attribute, ...]:
+    def _reagent(self, element: XmlElement, *, is_role: bool) -> tuple[Attribute, ...]:
         name, own_id = element.text_of("name"), element.text_of("id")
         rest = tuple(a for a in element.attributes if a.name not in {"id", "name"})
         if self.version in {"0.3", "0.4"}:
@@ -151,7 +153,7 @@ class _Rewriter:
             return (*attributes[:place], Attribute("id", name), *attributes[place:])
         return element.attributes
 
-    def _newer(self, element: Element) -> Iterator[str]:
+    def _newer(self, element: XmlElement) -> Iterator[str]:
         names = {a.name for a in element.attributes}
         if self._is_early:
             yield from self._newer_than_early(element, names)
@@ -165,7 +167,7 @@ class _Rewriter:
                 for name in sorted(names.intersection(properties.split())):
                     yield f"{name} of {element.tag}"
 
-    def _newer_than_early(self, element: Element, names: set[str]) -> Iterator[str]:
+    def _newer_than_early(self, element: XmlElement, names: set[str]) -> Iterator[str]:
         if element.tag in {"Blueprint", "Parameters"}:
             yield f"<{element.tag}>"
         if element.tag == "Repeat" and any("." in name for name in names):

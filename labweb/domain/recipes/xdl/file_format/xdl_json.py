@@ -24,12 +24,12 @@ from labweb.domain.recipes.xdl.file_format.xml_tree import (
     MAX_TEXT,
     Attribute,
     Comment,
-    Document,
-    Element,
+    FilePlace,
     Instruction,
     Node,
-    Place,
-    Text,
+    XmlDocument,
+    XmlElement,
+    XmlText,
     refuse,
 )
 from labweb.domain.recipes.xdl.tables.step_table import SECTIONS
@@ -52,7 +52,7 @@ _NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _STEP_KEYS = {"name", "properties", "children", "uuid", "section", "comment"}
 
 
-def parse_json(raw: bytes) -> Document:
+def parse_json(raw: bytes) -> XmlDocument:
     """Read the JSON form into the tree that the XML form gives.
 
     Raises:
@@ -73,8 +73,8 @@ def parse_json(raw: bytes) -> Document:
     before: tuple[Node, ...] = ()
     if "xdl" in value:
         before = (Instruction("xdl", f'version="{reader.text(value["xdl"], "xdl")}"'),)
-    root = Element("XDL", (), (*blueprints, synthesis))
-    return Document(root, before)
+    root = XmlElement("XDL", (), (*blueprints, synthesis))
+    return XmlDocument(root, before)
 
 
 def _decoded(raw: bytes) -> object:
@@ -85,7 +85,7 @@ def _decoded(raw: bytes) -> object:
     except UnicodeDecodeError as error:
         raise refuse("xdl.encoding", f"byte {error.start} is not UTF-8") from error
     except json.JSONDecodeError as error:
-        place = Place(error.lineno, error.colno)
+        place = FilePlace(error.lineno, error.colno)
         raise refuse("xdl.json", f"not JSON: {error.msg} at {place}", place) from error
     except RecursionError as error:
         raise refuse("xdl.too_deep", "the JSON is nested too deep") from error
@@ -127,14 +127,14 @@ class _Reader:
 
     def object_of(self, value: object, path: str) -> dict[str, Any]:
         if not isinstance(value, dict):
-            raise refuse("xdl.json_layout", f"{path} is no object", Place(path=path))
+            raise refuse("xdl.json_layout", f"{path} is no object", FilePlace(path=path))
         return value
 
     def list_of(self, value: object, path: str) -> list[Any]:
         if value is None:
             return []
         if not isinstance(value, list):
-            raise refuse("xdl.json_layout", f"{path} is no list", Place(path=path))
+            raise refuse("xdl.json_layout", f"{path} is no list", FilePlace(path=path))
         return value
 
     def text(self, value: object, path: str) -> str:
@@ -147,16 +147,16 @@ class _Reader:
         raise refuse(
             "xdl.json_layout",
             f"{path} is no text that XML can hold, and no number",
-            Place(path=path),
+            FilePlace(path=path),
         )
 
-    def note(self, value: object, path: str) -> Comment | Text:
+    def note(self, value: object, path: str) -> Comment | XmlText:
         if isinstance(value, dict) and set(value) == {"text"}:
-            return Text(self.text(value["text"], path))
+            return XmlText(self.text(value["text"], path))
         text = self.text(value, path)
         if "--" in text or text.endswith("-"):
             message = f"the comment at {path} holds two hyphens, which XML cannot"
-            raise refuse("xdl.json_layout", message, Place(path=path))
+            raise refuse("xdl.json_layout", message, FilePlace(path=path))
         return Comment(text)
 
     def keys(self, value: Mapping[str, object], known: set[str], path: str) -> None:
@@ -164,16 +164,18 @@ class _Reader:
             if key not in known:
                 at = f"{path}.{key}" if path else key
                 message = f"the key {key!r:.60} means nothing at {path or 'the top'}"
-                raise refuse("xdl.json_layout", message, Place(path=at))
+                raise refuse("xdl.json_layout", message, FilePlace(path=at))
 
-    def procedure(self, value: dict[str, Any], tag: str, path: str) -> Element:
+    def procedure(self, value: dict[str, Any], tag: str, path: str) -> XmlElement:
         self.keys(value, _KEYS, path)
         prefix = f"{path}." if path else ""
         notes = self.list_of(value.get("comments"), f"{prefix}comments")
         children: list[Node] = [self.note(note, f"{prefix}comments") for note in notes]
         metadata = self.attributes(value.get("metadata") or {}, f"{prefix}metadata")
         if metadata:
-            children.append(Element("Metadata", metadata, (), Place(path=f"{prefix}metadata")))
+            children.append(
+                XmlElement("Metadata", metadata, (), FilePlace(path=f"{prefix}metadata"))
+            )
         # The sections stand in the order of the keys, as those do in that of the sections.
         for key, section in ((key, _LISTS[key]) for key in value if key in _LISTS):
             at = f"{prefix}{key}"
@@ -182,24 +184,24 @@ class _Reader:
                 self.entry(item, _ENTRY[key], f"{at}[{i}]") for i, item in enumerate(entries)
             )
             if value.get(key) is not None:
-                children.append(Element(section, (), read, Place(path=at)))
+                children.append(XmlElement(section, (), read, FilePlace(path=at)))
         at = f"{prefix}steps"
         steps = self.steps(self.list_of(value.get("steps"), at), at)
         scale = value.get("base_scale")
         own = (
             ()
             if scale is None
-            else (Attribute("base_scale", self.text(scale, at), Place(path=at)),)
+            else (Attribute("base_scale", self.text(scale, at), FilePlace(path=at)),)
         )
-        children.append(Element("Procedure", own, steps, Place(path=at)))
+        children.append(XmlElement("Procedure", own, steps, FilePlace(path=at)))
         name = value.get("id")
         marks = self.attributes(value.get("attributes") or {}, f"{prefix}attributes")
         if name is not None:
             marks = (
-                Attribute("id", self.text(name, f"{prefix}id"), Place(path=f"{prefix}id")),
+                Attribute("id", self.text(name, f"{prefix}id"), FilePlace(path=f"{prefix}id")),
                 *marks,
             )
-        return Element(tag, marks, tuple(children), Place(path=path or "recipe"))
+        return XmlElement(tag, marks, tuple(children), FilePlace(path=path or "recipe"))
 
     def attributes(self, value: object, path: str) -> tuple[Attribute, ...]:
         found = []
@@ -208,7 +210,7 @@ class _Reader:
                 continue
             at = f"{path}.{key}"
             found.append(
-                Attribute(_TYPE_KEYS.get(key, key), self.text(content, at), Place(path=at))
+                Attribute(_TYPE_KEYS.get(key, key), self.text(content, at), FilePlace(path=at))
             )
         return tuple(found)
 
@@ -219,7 +221,7 @@ class _Reader:
         self.keys(item, {"name", "properties", "element"}, path)
         properties = self.attributes(item.get("properties") or {}, f"{path}.properties")
         named = self.text(item.get("element", tag), path)
-        return Element(named, properties, (), Place(path=path))
+        return XmlElement(named, properties, (), FilePlace(path=path))
 
     def steps(self, values: list[Any], path: str) -> tuple[Node, ...]:
         found: list[Node] = []
@@ -244,17 +246,17 @@ class _Reader:
         name = self.text(item.get("name", ""), f"{path}.name")
         children = self.steps(self.list_of(item.get("children"), path), f"{path}.children")
         properties = self.attributes(item.get("properties") or {}, f"{path}.properties")
-        return Element(name or "step", properties, children, Place(path=path))
+        return XmlElement(name or "step", properties, children, FilePlace(path=path))
 
 
 def _close(section: str, held: list[Node], found: list[Node], path: str) -> None:
     if section and held:
-        found.append(Element(section, (), tuple(held), Place(path=path)))
+        found.append(XmlElement(section, (), tuple(held), FilePlace(path=path)))
     else:
         found += held
 
 
-def render_json(document: Document) -> str:
+def render_json(document: XmlDocument) -> str:
     """Write a tree in the JSON form.
 
     Raises:
@@ -278,8 +280,8 @@ def render_json(document: Document) -> str:
     return json.dumps(plain, indent=2, ensure_ascii=False) + "\n"
 
 
-def _procedure(element: Element, outside: tuple[Node, ...] = ()) -> dict[str, Any]:
-    loose = [_noted(n) for n in (*outside, *element.children) if isinstance(n, Comment | Text)]
+def _procedure(element: XmlElement, outside: tuple[Node, ...] = ()) -> dict[str, Any]:
+    loose = [_noted(n) for n in (*outside, *element.children) if isinstance(n, Comment | XmlText)]
     plain: dict[str, Any] = {"comments": loose} if loose else {}
     marks = {a.name: a.value for a in element.attributes}
     if "id" in marks:
@@ -300,7 +302,7 @@ def _procedure(element: Element, outside: tuple[Node, ...] = ()) -> dict[str, An
 
 
 def _entry(node: Node, key: str) -> dict[str, Any]:
-    if not isinstance(node, Element):
+    if not isinstance(node, XmlElement):
         return _note(node)
     entry: dict[str, Any] = {
         "name": node.text_of("name") or node.text_of("id"),
@@ -313,7 +315,7 @@ def _steps(nodes: tuple[Node, ...], section: str) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     mark = {"section": section} if section else {}
     for node in nodes:
-        if not isinstance(node, Element):
+        if not isinstance(node, XmlElement):
             found.append({**_note(node), **mark})
         elif node.tag in SECTIONS:
             found += _steps(node.children, node.tag)
@@ -334,6 +336,6 @@ def _note(node: Node) -> dict[str, Any]:
 
 
 def _noted(node: Node) -> str | dict[str, str]:
-    if isinstance(node, Text):
+    if isinstance(node, XmlText):
         return {"text": node.text}
     return node.text if isinstance(node, Comment | Instruction) else ""

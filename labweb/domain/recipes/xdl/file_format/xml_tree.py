@@ -40,7 +40,7 @@ _ENCODINGS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FilePlace:
     """Where something stands in the file: counted from 1, or a path into a JSON document."""
 
     line: int = 0
@@ -51,7 +51,7 @@ class Place:
         return self.path or f"line {self.line}, column {self.column}"
 
 
-NOWHERE = Place()
+NOWHERE = FilePlace()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Attribute:
 
     name: str
     value: str
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class Comment:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class XmlText:
     """Text between elements, without the blanks around it. It means nothing in XDL."""
 
     text: str
@@ -86,18 +86,18 @@ class Instruction:
 
 
 @dataclass(frozen=True, slots=True)
-class Element:
+class XmlElement:
     """One element with all that is in it."""
 
     tag: str
     attributes: tuple[Attribute, ...] = ()
     children: tuple[Node, ...] = ()
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
     @property
-    def elements(self) -> tuple[Element, ...]:
+    def elements(self) -> tuple[XmlElement, ...]:
         """Return the elements right inside, in order."""
-        return tuple(child for child in self.children if isinstance(child, Element))
+        return tuple(child for child in self.children if isinstance(child, XmlElement))
 
     def attribute(self, name: str) -> Attribute | None:
         """Return the attribute of that name, or None."""
@@ -109,26 +109,26 @@ class Element:
         return "" if found is None else found.value
 
 
-Node = Element | Comment | Text | Instruction
+Node = XmlElement | Comment | XmlText | Instruction
 
 
 @dataclass(frozen=True, slots=True)
-class Document:
+class XmlDocument:
     """A whole file: what stands before the root, the root, and what comes after."""
 
-    root: Element
+    root: XmlElement
     before: tuple[Node, ...] = ()
     after: tuple[Node, ...] = ()
 
 
-def refuse(code: str, message: str, place: Place = NOWHERE) -> ProtocolError:
+def refuse(code: str, message: str, place: FilePlace = NOWHERE) -> ProtocolError:
     """Build the error of a file that cannot be read at all."""
     context = {"line": place.line, "column": place.column} if place.line else {}
     subject = str(place) if place.line or place.path else ""
     return ProtocolError(message, code=code, findings=[Finding(code, message, subject, context)])
 
 
-def parse_markup(raw: bytes) -> Document:
+def parse_markup(raw: bytes) -> XmlDocument:
     """Read XML into a tree.
 
     Raises:
@@ -141,13 +141,13 @@ def parse_markup(raw: bytes) -> Document:
     try:
         parser.Parse(data, is_all)
     except expat.ExpatError as error:
-        place = Place(error.lineno, error.offset + 1)
+        place = FilePlace(error.lineno, error.offset + 1)
         told = expat.ErrorString(error.code)
         raise refuse("xdl.markup", f"not well-formed XML: {told} at {place}", place) from error
     return builder.document()
 
 
-def render_markup(document: Document) -> str:
+def render_markup(document: XmlDocument) -> str:
     """Write a tree as XML that `parse_markup` reads back to an equal tree."""
     lines: list[str] = []
     for node in (*document.before, document.root, *document.after):
@@ -164,13 +164,15 @@ def _text_of(raw: bytes) -> str:
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         name = "utf-16"
     if name not in _ENCODINGS:
-        raise refuse("xdl.encoding", f"the encoding {name!r} is not read: write UTF-8", Place(1, 1))
+        raise refuse(
+            "xdl.encoding", f"the encoding {name!r} is not read: write UTF-8", FilePlace(1, 1)
+        )
     codec = "utf-8-sig" if _ENCODINGS[name] == "utf-8" else _ENCODINGS[name]
     try:
         return raw.decode(codec)
     except UnicodeDecodeError as error:
         before = raw[: error.start]
-        place = Place(before.count(b"\n") + 1, len(before) - before.rfind(b"\n"))
+        place = FilePlace(before.count(b"\n") + 1, len(before) - before.rfind(b"\n"))
         raise refuse(
             "xdl.encoding", f"byte {error.start} is not {name}, at {place}", place
         ) from error
@@ -181,12 +183,12 @@ class _Builder:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self._open: list[tuple[str, tuple[Attribute, ...], Place, list[Node]]] = []
+        self._open: list[tuple[str, tuple[Attribute, ...], FilePlace, list[Node]]] = []
         self._top: list[Node] = []
         self._root_at: int | None = None
         self._count = 0
         self._deeper = 0
-        self._too_deep: Place | None = None
+        self._too_deep: FilePlace | None = None
         self.parser = expat.ParserCreate("utf-8")
         self.parser.buffer_text = True
         # One text in one piece: longer ones are refused.
@@ -199,19 +201,19 @@ class _Builder:
         self.parser.CommentHandler = self._comment
         self.parser.ProcessingInstructionHandler = self._instruction
 
-    def document(self) -> Document:
+    def document(self) -> XmlDocument:
         if self._too_deep is not None:
             place = self._too_deep
             message = f"nested deeper than {MAX_DEPTH} elements, at {place}"
             raise refuse("xdl.too_deep", message, place)
         at = self._root_at
         root = self._top[at] if at is not None else None
-        if at is None or not isinstance(root, Element):
+        if at is None or not isinstance(root, XmlElement):
             raise refuse("xdl.markup", "the file holds no element")
-        return Document(root, tuple(self._top[:at]), tuple(self._top[at + 1 :]))
+        return XmlDocument(root, tuple(self._top[:at]), tuple(self._top[at + 1 :]))
 
-    def _place(self) -> Place:
-        return Place(self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
+    def _place(self) -> FilePlace:
+        return FilePlace(self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
 
     def _doctype(self, *_declared: object) -> None:
         message = "document types and entities are not read"
@@ -241,16 +243,16 @@ class _Builder:
         _, attributes, place, children = self._open.pop()
         if not self._open:
             self._root_at = len(self._top)
-        self._add(Element(tag, attributes, tuple(children), place))
+        self._add(XmlElement(tag, attributes, tuple(children), place))
 
     def _characters(self, text: str) -> None:
         # Pieces of one text come together: nothing else stands between them.
         if not text.strip() or self._deeper:
             return
         inside = self._open[-1][3]
-        if inside and isinstance(inside[-1], Text):
+        if inside and isinstance(inside[-1], XmlText):
             text = f"{inside.pop().text} {text.strip()}"  # type: ignore[union-attr]
-        self._add(Text(self._bounded(" ".join(text.split()))))
+        self._add(XmlText(self._bounded(" ".join(text.split()))))
 
     def _comment(self, text: str) -> None:
         self._add(Comment(self._bounded(text)))
@@ -275,11 +277,11 @@ class _Builder:
             raise refuse("xdl.text", message, place)
         return text
 
-    def _attribute_places(self, place: Place) -> dict[str, Place]:
+    def _attribute_places(self, place: FilePlace) -> dict[str, FilePlace]:
         start = self.parser.CurrentByteIndex
         end = _end_of_tag(self._data, start)
         tag = self._data[start:end].decode("utf-8", "replace")
-        found: dict[str, Place] = {}
+        found: dict[str, FilePlace] = {}
         line, column, before = place.line, place.column, 0
         for match in _ATTRIBUTE.finditer(tag):
             between = tag[before : match.start()]
@@ -287,7 +289,7 @@ class _Builder:
             line += breaks
             column = len(between) - between.rfind("\n") if breaks else column + len(between)
             before = match.start()
-            found[match[1]] = Place(line, column)
+            found[match[1]] = FilePlace(line, column)
         return found
 
 
@@ -312,15 +314,15 @@ def _render(node: Node, depth: int, lines: list[str]) -> None:
     match node:
         case Comment(text):
             lines.append(f"{indent}<!--{text}-->")
-        case Text(text):
+        case XmlText(text):
             lines.append(indent + escape(text, {"\r": "&#13;"}))
         case Instruction(target, text):
             lines.append(f"{indent}<?{target} {text}?>" if text else f"{indent}<?{target}?>")
-        case Element():
+        case XmlElement():
             _render_element(node, depth, lines)
 
 
-def _render_element(element: Element, depth: int, lines: list[str]) -> None:
+def _render_element(element: XmlElement, depth: int, lines: list[str]) -> None:
     indent = "  " * depth
     written = "".join(f" {a.name}={quoteattr(a.value, _WHITE)}" for a in element.attributes)
     if not element.children:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 Row = Mapping[str, Any]
 """`line` and `column` of the recipe, `stands_for` (`@waste`, `@buffer`, `@kept`), and `key`."""
@@ -38,7 +38,7 @@ class Chosen:
             at = (row.get("line", 0), row.get("column", 0), row["stands_for"])
             self._left.setdefault(at, deque()).append(row["key"])
 
-    def take(self, place: Place, name: str) -> str:
+    def take(self, place: FilePlace, name: str) -> str:
         """Return the key of the next vessel that stands for a name at a place; "": none."""
         left = self._left.get((place.line, place.column, name))
         return left.popleft() if left else ""

@@ -14,7 +14,7 @@ from msgspec import Meta
 
 from labweb.domain.errors import Finding, LabFileError, ProtocolError
 from labweb.domain.graph.lab_file.untrusted_json import decode_json
-from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe, Step
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe, XdlStep
 from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 SCHEMA = "labweb.declared/1"
@@ -27,7 +27,7 @@ class _Strict(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """Base of all entries."""
 
 
-class Reaction(_Strict, frozen=True, kw_only=True):
+class DeclaredReaction(_Strict, frozen=True, kw_only=True):
     """A step `react` behind one step of the recipe."""
 
     after: Annotated[int, Meta(ge=1)]
@@ -69,7 +69,7 @@ class Declared(_Strict, frozen=True, kw_only=True):
     dries_off: list[list[Key]] = []
     """Keys of the lots that dry off, for each Dry in order; none: nothing wet is left by then."""
 
-    reactions: list[Reaction] = []
+    reactions: list[DeclaredReaction] = []
 
 
 def read_declared(raw: bytes) -> Declared:
@@ -121,7 +121,7 @@ def check_names(declared: Declared, recipe: Recipe) -> list[Finding]:
     ]
 
 
-def _texts(steps: Iterable[Step]) -> Iterator[str]:
+def _texts(steps: Iterable[XdlStep]) -> Iterator[str]:
     for step in steps:
         yield from (value for value in step.values.values() if isinstance(value, str))
         yield from _texts(step.children)

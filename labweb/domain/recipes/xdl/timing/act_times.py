@@ -14,33 +14,33 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from decimal import Decimal
 
-from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity
+from labweb.domain.recipes.xdl.file_format.attribute_values import XdlQuantity
 from labweb.domain.recipes.xdl.file_format.xml_tree import refuse
 from labweb.domain.recipes.xdl.tables.step_spec import STEPS
-from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 from labweb.domain.recipes.xdl.unfolding.unfold_recipe import MOST_ACTS
 
 _ZERO = Decimal(0)
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class ActTime:
     """One act in time, in seconds from the start of the recipe."""
 
-    act: Act
+    act: RecipeAct
     start_s: Decimal
     end_s: Decimal
 
 
-def own_time_s(act: Act) -> Decimal:
+def own_time_s(act: RecipeAct) -> Decimal:
     """Return the time that a step itself asks for, 0 when it asks for none."""
     time = act.values.get("time")
-    return (time.exact or _ZERO) if isinstance(time, Quantity) else _ZERO
+    return (time.exact or _ZERO) if isinstance(time, XdlQuantity) else _ZERO
 
 
 def plan_queues(
-    acts: tuple[Act, ...], lasts_s: Callable[[Act], Decimal] = own_time_s
-) -> list[Slot]:
+    acts: tuple[RecipeAct, ...], lasts_s: Callable[[RecipeAct], Decimal] = own_time_s
+) -> list[ActTime]:
     """Lay the acts out in time, each as early as its queue and its vessels allow.
 
     Loops go round as often as they are counted; one that a Monitor ends goes round once.
@@ -58,12 +58,12 @@ def plan_queues(
 
 @dataclass(slots=True)
 class _Planner:
-    lasts_s: Callable[[Act], Decimal]
-    slots: list[Slot] = field(default_factory=list)
+    lasts_s: Callable[[RecipeAct], Decimal]
+    slots: list[ActTime] = field(default_factory=list)
     busy_until: dict[str, Decimal] = field(default_factory=dict)
     pids: dict[str, Decimal] = field(default_factory=dict)
 
-    def lay(self, acts: tuple[Act, ...], start: Decimal) -> Decimal:
+    def lay(self, acts: tuple[RecipeAct, ...], start: Decimal) -> Decimal:
         """Lay acts of one namespace; return when all of them have ended."""
         barrier, latest = start, start
         queues: dict[str, Decimal] = {}
@@ -80,7 +80,7 @@ class _Planner:
                 barrier = latest
         return max([latest, *self.pids.values()]) if start == _ZERO else latest
 
-    def _one(self, act: Act, ready: Decimal) -> Decimal:
+    def _one(self, act: RecipeAct, ready: Decimal) -> Decimal:
         if act.name == "Await":
             pid = act.values.get("pid")
             return max(ready, self.pids.get(str(pid), ready))
@@ -98,11 +98,11 @@ class _Planner:
             message = f"the recipe goes on for more than {MOST_ACTS} acts"
             raise refuse("xdl.too_many", message, act.place)
         self.busy_until.update(dict.fromkeys(vessels, end))
-        self.slots.append(Slot(act, begin, end))
+        self.slots.append(ActTime(act, begin, end))
         return end
 
 
-def vessels_of(act: Act) -> list[str]:
+def vessels_of(act: RecipeAct) -> list[str]:
     """List the vessels that an act names."""
     spec = STEPS.spec(act.name)
     known = spec.properties if spec is not None else {}

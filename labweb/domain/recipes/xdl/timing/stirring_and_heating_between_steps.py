@@ -13,17 +13,17 @@ from typing import Any
 
 from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
 from labweb.domain.recipes.xdl.tables.step_spec import STEPS
-from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 
 Made = tuple[str, dict[str, Any], list[str]]
 """Kind, parameters and notes of one step."""
 
 
 @dataclass(slots=True)
-class Standing:
+class StepsStanding:
     """Follows the steps as they are written."""
 
-    number: Callable[[Act, str, str], str]
+    number: Callable[[RecipeAct, str, str], str]
     """A property as one number with a unit; tells where it is none."""
 
     unstirred: frozenset[str] = frozenset()
@@ -38,7 +38,7 @@ class Standing:
     set_c: dict[str, Decimal] = field(default_factory=dict)
     """To what each vessel was heated or chilled last."""
 
-    def as_said(self, act: Act, vessel: str, notes: list[str]) -> list[Made]:
+    def as_said(self, act: RecipeAct, vessel: str, notes: list[str]) -> list[Made]:
         """Return the step that stirs a vessel, or stops it, as an act says; often none.
 
         An Add that does not speak of stirring is done without, as in a plan.
@@ -54,7 +54,7 @@ class Standing:
         self.stirred[vessel] = speed
         return [("start_stir", {"vessel": vessel, "stir_speed": speed}, notes)]
 
-    def stirs(self, act: Act) -> bool:
+    def stirs(self, act: RecipeAct) -> bool:
         """Tell whether an act stirs: as it says, else as the standard has it."""
         said = act.values.get("stir")
         if isinstance(said, bool):
@@ -96,7 +96,7 @@ class Standing:
         self.stirred, self.heated = {}, {}
         return [(kind, {"vessel": vessel}, []) for vessel, kind in sorted(kinds.items())]
 
-    def speed(self, act: Act, notes: list[str]) -> str:
+    def speed(self, act: RecipeAct, notes: list[str]) -> str:
         """Return the speed that an act says, else that of the table of defaults, with a note."""
         if "stir_speed" in act.values:
             return self.number(act, "stir_speed", "rpm")

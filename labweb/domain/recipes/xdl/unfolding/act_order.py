@@ -6,23 +6,23 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from labweb.domain.recipes.xdl.file_format.attribute_values import Value
-from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, FilePlace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Act:
+class RecipeAct:
     """One step, with every name and amount as it is meant."""
 
     name: str
     values: Mapping[str, Value] = field(default_factory=dict)
-    children: tuple[Act, ...] = ()
+    children: tuple[RecipeAct, ...] = ()
     """Steps of a blueprint, a loop or an Async; those of each round of a loop over variables."""
 
     is_blueprint: bool = False
     is_monitor: bool = False
     queue: str = ""
     section: str = ""
-    place: Place = field(default=NOWHERE, compare=False)
+    place: FilePlace = field(default=NOWHERE, compare=False)
 
     @property
     def repeats(self) -> int | None:
@@ -41,7 +41,9 @@ class Act:
         return any(child.is_monitor for child in self.children)
 
 
-def in_order(acts: tuple[Act, ...], is_done: Callable[[Act, int], bool]) -> Iterator[Act]:
+def in_order(
+    acts: tuple[RecipeAct, ...], is_done: Callable[[RecipeAct, int], bool]
+) -> Iterator[RecipeAct]:
     """Yield the acts in the order of execution, queues aside.
 
     Args:

@@ -9,10 +9,15 @@ from collections.abc import Mapping
 from decimal import Decimal
 
 from labweb.domain.errors import UnitError
-from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity, Value, unit_of, written
+from labweb.domain.recipes.xdl.file_format.attribute_values import (
+    Value,
+    XdlQuantity,
+    unit_of,
+    written,
+)
 from labweb.domain.recipes.xdl.file_format.findings import Findings
 from labweb.domain.recipes.xdl.file_format.recipe_model import Reagent
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 from labweb.domain.recipes.xdl.unfolding.reagent_amounts import Scale, to_dispense
 
 ALIKE = Decimal("0.01")
@@ -22,7 +27,7 @@ _OTHERS = (("Add", "volume", "mass"), ("AddSolid", "mass", "mol"))
 
 
 def without_second_amount(
-    step: str, values: dict[str, Value], reagent: Reagent | None, place: Place, told: Findings
+    step: str, values: dict[str, Value], reagent: Reagent | None, place: FilePlace, told: Findings
 ) -> dict[str, Value]:
     """Leave out an amount that says the same as the one that counts; tell of one that does not.
 
@@ -31,7 +36,7 @@ def without_second_amount(
     """
     for name, counts, other in _OTHERS:
         one, two = values.get(counts), values.get(other)
-        if step != name or not isinstance(one, Quantity) or not isinstance(two, Quantity):
+        if step != name or not isinstance(one, XdlQuantity) or not isinstance(two, XdlQuantity):
             continue
         measured = _measured(step, two, reagent)
         if one.exact is None or measured is None:
@@ -46,7 +51,7 @@ def without_second_amount(
     return values
 
 
-def _measured(step: str, amount: Quantity, reagent: Reagent | None) -> Decimal | None:
+def _measured(step: str, amount: XdlQuantity, reagent: Reagent | None) -> Decimal | None:
     if reagent is None:
         return None
     is_solid = step == "AddSolid" or reagent.is_solid
@@ -58,7 +63,9 @@ def _measured(step: str, amount: Quantity, reagent: Reagent | None) -> Decimal |
     return found.exact if found.sort != amount.sort else None
 
 
-def rate_of(step: str, said: Mapping[str, Decimal], place: Place, told: Findings) -> Decimal | None:
+def rate_of(
+    step: str, said: Mapping[str, Decimal], place: FilePlace, told: Findings
+) -> Decimal | None:
     """Return how fast a step pushes its liquid, of all that it says of it; None: nothing.
 
     A rate of nothing is told, and so are two that differ by more than people round.

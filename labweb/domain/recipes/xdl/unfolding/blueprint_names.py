@@ -24,7 +24,7 @@ class Named:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Context:
+class NameContext:
     """What names mean in one procedure."""
 
     procedure: Procedure
@@ -35,7 +35,7 @@ class Context:
 
 
 def mapped_vessels(
-    blueprint: Procedure, mapping: Mapping[str, str], context: Context
+    blueprint: Procedure, mapping: Mapping[str, str], context: NameContext
 ) -> dict[str, str]:
     """Say which vessel of the synthesis each name of a blueprint is."""
     found: dict[str, str] = {}
@@ -51,7 +51,7 @@ def mapped_vessels(
 
 
 def mapped_reagents(
-    blueprint: Procedure, mapping: Mapping[str, str], context: Context
+    blueprint: Procedure, mapping: Mapping[str, str], context: NameContext
 ) -> dict[str, Named]:
     """Say which reagent of the synthesis each name of a blueprint is."""
     found: dict[str, Named] = {}

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from decimal import Decimal
 
 from labweb.domain.errors import UnitError
-from labweb.domain.recipes.xdl.file_format.attribute_values import Quantity
+from labweb.domain.recipes.xdl.file_format.attribute_values import XdlQuantity
 from labweb.domain.recipes.xdl.file_format.recipe_model import Reagent
-from labweb.domain.units import Reading
+from labweb.domain.units import QuantityReading
 
 GRAIN = Decimal("0.000001")
 """What the ledger counts in: a nanolitre in mL, a microgram in g."""
@@ -29,7 +29,7 @@ class Scale:
     """mol in one equivalent for which a blueprint was worked out."""
 
 
-def moles_of(amount: Quantity, reagent: Reagent) -> Decimal:
+def moles_of(amount: XdlQuantity, reagent: Reagent) -> Decimal:
     """Return how many mol an amount of a reagent is.
 
     Raises:
@@ -55,7 +55,7 @@ def moles_of(amount: Quantity, reagent: Reagent) -> Decimal:
     raise UnitError(f"{amount.sort} cannot say what an equivalent is", code="xdl.amount_unresolved")
 
 
-def to_dispense(amount: Quantity, reagent: Reagent | None, scale: Scale) -> Quantity:
+def to_dispense(amount: XdlQuantity, reagent: Reagent | None, scale: Scale) -> XdlQuantity:
     """Turn an amount into what is measured out: mL of a liquid, g of a solid.
 
     Args:
@@ -73,9 +73,9 @@ def to_dispense(amount: Quantity, reagent: Reagent | None, scale: Scale) -> Quan
     if amount.is_per_equivalent:
         value *= _moles(scale) / _base(scale)
     if amount.sort == "equivalents":
-        amount = Quantity("moles", _exactly(value * _moles(scale)))
+        amount = XdlQuantity("moles", _exactly(value * _moles(scale)))
     else:
-        amount = Quantity(amount.sort, _exactly(value))
+        amount = XdlQuantity(amount.sort, _exactly(value))
     if reagent is None:
         if amount.sort != "volume":
             raise UnitError("of a mixture only a volume can be moved", code="xdl.amount_unresolved")
@@ -83,31 +83,31 @@ def to_dispense(amount: Quantity, reagent: Reagent | None, scale: Scale) -> Quan
     return _solid(amount, reagent) if reagent.is_solid else _liquid(amount, reagent)
 
 
-def _liquid(amount: Quantity, reagent: Reagent) -> Quantity:
+def _liquid(amount: XdlQuantity, reagent: Reagent) -> XdlQuantity:
     value = _number(amount)
     molar_mass, density, molarity = _facts(reagent)
     match amount.sort:
         case "volume":
             return amount
         case "mass" if density:
-            return Quantity("volume", _exactly(value / density))
+            return XdlQuantity("volume", _exactly(value / density))
         case "mass" if molar_mass and molarity:
-            return Quantity("volume", _exactly(value / molar_mass / molarity * 1000))
+            return XdlQuantity("volume", _exactly(value / molar_mass / molarity * 1000))
         case "moles" if molarity:
-            return Quantity("volume", _exactly(value / molarity * 1000))
+            return XdlQuantity("volume", _exactly(value / molarity * 1000))
         case "moles" if molar_mass and density:
-            return Quantity("volume", _exactly(value * molar_mass / density))
+            return XdlQuantity("volume", _exactly(value * molar_mass / density))
         case "mass":
             raise _unresolved(amount, reagent, "density, or molecular_weight and concentration")
     raise _unresolved(amount, reagent, "concentration, or molecular_weight and density")
 
 
-def _solid(amount: Quantity, reagent: Reagent) -> Quantity:
+def _solid(amount: XdlQuantity, reagent: Reagent) -> XdlQuantity:
     molar_mass, _, _ = _facts(reagent)
     if amount.sort == "mass":
         return amount
     if amount.sort == "moles" and molar_mass:
-        return Quantity("mass", _exactly(_number(amount) * molar_mass))
+        return XdlQuantity("mass", _exactly(_number(amount) * molar_mass))
     if amount.sort == "moles":
         raise _unresolved(amount, reagent, "molecular_weight")
     message = f"{reagent.id!r} is solid, and a volume of a solid is not measured out"
@@ -125,7 +125,7 @@ def _facts(reagent: Reagent) -> tuple[Decimal | None, Decimal | None, Decimal | 
     molar_mass, density = (_fact(reagent, name) for name in ("molecular_weight", "density"))
     told = reagent.values.get("concentration")
     molarity = _fact(reagent, "concentration")
-    if isinstance(told, Quantity) and told.sort == "mass_fraction":
+    if isinstance(told, XdlQuantity) and told.sort == "mass_fraction":
         known = molarity is not None and density and molar_mass
         molarity = molarity * density * 10 / molar_mass if known else None  # type: ignore[operator]
     return molar_mass, density, molarity
@@ -133,18 +133,18 @@ def _facts(reagent: Reagent) -> tuple[Decimal | None, Decimal | None, Decimal | 
 
 def _fact(reagent: Reagent, name: str) -> Decimal | None:
     value = reagent.values.get(name)
-    return (value.exact or None) if isinstance(value, Quantity) else None
+    return (value.exact or None) if isinstance(value, XdlQuantity) else None
 
 
-def _number(amount: Quantity) -> Decimal:
+def _number(amount: XdlQuantity) -> Decimal:
     if amount.exact is None:
         message = "a range leaves open how much is meant: choose one amount"
         raise UnitError(message, code="xdl.range_not_exact")
     return amount.exact
 
 
-def _exactly(value: Decimal) -> Reading:
-    return Reading(low=value, high=value)
+def _exactly(value: Decimal) -> QuantityReading:
+    return QuantityReading(low=value, high=value)
 
 
 def _moles(scale: Scale) -> Decimal:
@@ -161,12 +161,12 @@ def _base(scale: Scale) -> Decimal:
     return scale.base
 
 
-def _unresolved(amount: Quantity, reagent: Reagent, missing: str) -> UnitError:
+def _unresolved(amount: XdlQuantity, reagent: Reagent, missing: str) -> UnitError:
     message = f"{amount.sort} of {reagent.id!r} cannot be measured out: it lacks {missing}"
     return UnitError(message, code="xdl.amount_unresolved")
 
 
-def measurable(amount: Quantity) -> Quantity:
+def measurable(amount: XdlQuantity) -> XdlQuantity:
     """Return the nearest whole nanolitre or microgram of what was worked out.
 
     What is less than half of one stays as it is, to be refused where it is measured out.

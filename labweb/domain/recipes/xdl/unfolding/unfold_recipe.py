@@ -14,8 +14,8 @@ from decimal import Decimal
 from labweb.domain.errors import UnitError
 from labweb.domain.recipes.xdl.file_format.attribute_values import (
     ParameterName,
-    Quantity,
     Value,
+    XdlQuantity,
     read_amount,
     read_value,
     written,
@@ -24,18 +24,18 @@ from labweb.domain.recipes.xdl.file_format.findings import Findings
 from labweb.domain.recipes.xdl.file_format.read_xdl import refusal
 from labweb.domain.recipes.xdl.file_format.recipe_model import (
     Component,
-    Parameter,
     Procedure,
     Reagent,
     Recipe,
-    Step,
+    XdlParameter,
+    XdlStep,
 )
-from labweb.domain.recipes.xdl.file_format.xml_tree import Place
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 from labweb.domain.recipes.xdl.tables.step_spec import STEPS, Property, StepTable
-from labweb.domain.recipes.xdl.unfolding.act_order import Act
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 from labweb.domain.recipes.xdl.unfolding.amounts_said_twice import without_second_amount
 from labweb.domain.recipes.xdl.unfolding.blueprint_names import (
-    Context,
+    NameContext,
     Named,
     mapped_reagents,
     mapped_vessels,
@@ -66,7 +66,7 @@ def unfold(
     equiv_reference: str = "",
     equiv_amount: str = "",
     table: StepTable = STEPS,
-) -> tuple[Act, ...]:
+) -> tuple[RecipeAct, ...]:
     """Unfold the synthesis of a recipe.
 
     Args:
@@ -104,7 +104,7 @@ class _Unfolder:
         self._unread: set[str] = set()
         """Parameters of which the value that was given is told to be none."""
 
-    def top(self, synthesis: Procedure, given: Mapping[str, str]) -> Context:
+    def top(self, synthesis: Procedure, given: Mapping[str, str]) -> NameContext:
         reagents: dict[str, Named] = {}
         for reagent in synthesis.reagents:
             reagents[reagent.id] = Named(reagent.id, reagent)
@@ -116,7 +116,7 @@ class _Unfolder:
             if name not in known:
                 message = f"the recipe has no Parameter {name!r:.60}"
                 self._told.tell("xdl.no_parameter_value", message, synthesis.place, parameter=name)
-        return Context(
+        return NameContext(
             procedure=synthesis,
             vessels={c.id: c.id for c in synthesis.hardware},
             reagents=reagents,
@@ -124,7 +124,7 @@ class _Unfolder:
             scale=Scale(),
         )
 
-    def _top_parameter(self, parameter: Parameter, given: Mapping[str, str]) -> Value | None:
+    def _top_parameter(self, parameter: XdlParameter, given: Mapping[str, str]) -> Value | None:
         value = parameter.value
         if parameter.id in given:
             try:
@@ -134,9 +134,11 @@ class _Unfolder:
                 self._told.tell(error.code, error.message, parameter.place, parameter=parameter.id)
         return self._limited(parameter, value, parameter.place)
 
-    def _limited(self, parameter: Parameter, value: Value | None, place: Place) -> Value | None:
+    def _limited(
+        self, parameter: XdlParameter, value: Value | None, place: FilePlace
+    ) -> Value | None:
         number, least, most = (
-            v.exact if isinstance(v, Quantity) else v
+            v.exact if isinstance(v, XdlQuantity) else v
             for v in (value, parameter.least, parameter.most)
         )
         if _is_less(number, least) or _is_less(most, number):
@@ -147,7 +149,9 @@ class _Unfolder:
             self._told.tell("xdl.parameter_limit", message, place, parameter=parameter.id)
         return value
 
-    def scaled(self, context: Context, reference: str, amount: str, place: Place) -> Context:
+    def scaled(
+        self, context: NameContext, reference: str, amount: str, place: FilePlace
+    ) -> NameContext:
         if not reference and not amount:
             return context
         if not reference or not amount:
@@ -166,10 +170,10 @@ class _Unfolder:
             return context
         return replace(context, scale=replace(context.scale, moles=moles))
 
-    def acts(self, steps: tuple[Step, ...], context: Context) -> tuple[Act, ...]:
+    def acts(self, steps: tuple[XdlStep, ...], context: NameContext) -> tuple[RecipeAct, ...]:
         return tuple(self._act(step, context) for step in steps)
 
-    def _act(self, step: Step, context: Context) -> Act:
+    def _act(self, step: XdlStep, context: NameContext) -> RecipeAct:
         self._count += 1
         if self._count > MOST_ACTS:
             message = f"the recipe unfolds to more than {MOST_ACTS} steps"
@@ -183,7 +187,7 @@ class _Unfolder:
             for name, raw in step.values.items()
             if (value := self._value(step, name, raw, context)) is not None
         }
-        return Act(
+        return RecipeAct(
             name=step.name,
             values=self._measured(step, values, context),
             children=self._rounds(step, context)
@@ -195,7 +199,7 @@ class _Unfolder:
             place=step.place,
         )
 
-    def _value(self, step: Step, name: str, raw: Value, context: Context) -> Value | None:
+    def _value(self, step: XdlStep, name: str, raw: Value, context: NameContext) -> Value | None:
         if isinstance(raw, ParameterName):
             found = context.parameters.get(raw.id)
             if found is None:
@@ -219,16 +223,18 @@ class _Unfolder:
             return context.vessels.get(raw, raw)
         return raw
 
-    def _measured(self, step: Step, values: dict[str, Value], context: Context) -> dict[str, Value]:
+    def _measured(
+        self, step: XdlStep, values: dict[str, Value], context: NameContext
+    ) -> dict[str, Value]:
         of = _MEASURED.get(step.name)
         names = ("amount", "volume", "mass", "mol")
-        given = [name for name in names if isinstance(values.get(name), Quantity)]
+        given = [name for name in names if isinstance(values.get(name), XdlQuantity)]
         if of is None or not given:
             return values
         amount = values[given[0]]
         raw = step.values.get(of)
         named = context.reagents.get(raw) if isinstance(raw, str) else None
-        if not isinstance(amount, Quantity) or (of and named is None):
+        if not isinstance(amount, XdlQuantity) or (of and named is None):
             return values
         facts = named.facts if named else None
         if given[0] == "volume" or (given[0] == "mass" and not _is_dense_liquid(step, facts)):
@@ -248,7 +254,7 @@ class _Unfolder:
         kept = {name: v for name, v in values.items() if name not in ("mass", "mol")}
         return {**kept, dispensed.sort: dispensed}
 
-    def _rounds(self, step: Step, context: Context) -> tuple[Act, ...]:
+    def _rounds(self, step: XdlStep, context: NameContext) -> tuple[RecipeAct, ...]:
         variables: dict[str, list[tuple[str, str]]] = {}
         for variable, attribute, value in step.loop:
             variables.setdefault(variable, []).append((attribute, value))
@@ -257,7 +263,7 @@ class _Unfolder:
             if not found:
                 message = f"nothing that is declared matches the loop variable {variable!r}"
                 self._told.tell("xdl.loop_matches_nothing", message, step.place)
-        acts: list[Act] = []
+        acts: list[RecipeAct] = []
         for round_ in zip(*runs.values(), strict=False):
             vessels, reagents = dict(context.vessels), dict(context.reagents)
             for variable, entry in zip(runs, round_, strict=True):
@@ -268,9 +274,9 @@ class _Unfolder:
             acts += self.acts(step.children, replace(context, vessels=vessels, reagents=reagents))
         return tuple(acts)
 
-    def _use(self, step: Step, context: Context) -> Act:
+    def _use(self, step: XdlStep, context: NameContext) -> RecipeAct:
         blueprint = self._blueprints[step.name]
-        inner = Context(
+        inner = NameContext(
             procedure=blueprint,
             vessels=mapped_vessels(blueprint, step.mapping, context),
             reagents=mapped_reagents(blueprint, step.mapping, context),
@@ -283,9 +289,9 @@ class _Unfolder:
         if (reference is None) != (amount is None):
             message = "equiv_reference and equiv_amount are given both, or neither"
             self._told.tell("xdl.equivalents_incomplete", message, step.place)
-        elif isinstance(reference, str) and isinstance(amount, Quantity):
+        elif isinstance(reference, str) and isinstance(amount, XdlQuantity):
             inner = self._scaled_by(inner, reference, amount, step.place)
-        return Act(
+        return RecipeAct(
             name=blueprint.id,
             children=self.acts(blueprint.steps, inner),
             is_blueprint=True,
@@ -295,8 +301,8 @@ class _Unfolder:
         )
 
     def _scaled_by(
-        self, context: Context, reference: str, amount: Quantity, place: Place
-    ) -> Context:
+        self, context: NameContext, reference: str, amount: XdlQuantity, place: FilePlace
+    ) -> NameContext:
         named = context.reagents.get(reference)
         if named is None:
             message = f"the equivalents are counted by {reference!r}, which is no reagent here"
@@ -309,7 +315,9 @@ class _Unfolder:
             return context
         return replace(context, scale=replace(context.scale, moles=moles))
 
-    def _mapped_parameter(self, parameter: Parameter, step: Step, context: Context) -> Value | None:
+    def _mapped_parameter(
+        self, parameter: XdlParameter, step: XdlStep, context: NameContext
+    ) -> Value | None:
         text = step.mapping.get(parameter.id)
         if text is None:
             return self._limited(parameter, parameter.value, step.place)
@@ -327,23 +335,23 @@ class _Unfolder:
         return self._limited(parameter, value, step.place)
 
 
-def _is_dense_liquid(step: Step, facts: Reagent | None) -> bool:
+def _is_dense_liquid(step: XdlStep, facts: Reagent | None) -> bool:
     known = facts is not None and not facts.is_solid and "density" in facts.values
     return known and step.name == "Add"
 
 
-def _is_weighed(step: Step, amount: Quantity, facts: Reagent) -> bool:
+def _is_weighed(step: XdlStep, amount: XdlQuantity, facts: Reagent) -> bool:
     """Tell whether an amount is a mass of what nobody can measure by its volume."""
     return step.name == "Add" and amount.sort == "mass" and not has_volume(facts)
 
 
-def _property_of(parameter: Parameter) -> Property:
+def _property_of(parameter: XdlParameter) -> Property:
     return Property(name=parameter.id, sort=parameter.sort)
 
 
 def _base(blueprint: Procedure) -> Decimal | None:
     scale = blueprint.base_scale
-    return scale.exact if isinstance(scale, Quantity) else None
+    return scale.exact if isinstance(scale, XdlQuantity) else None
 
 
 def _is_less(one: object, other: object) -> bool:

@@ -20,7 +20,7 @@ from labweb.domain.workflows.passes.chemistry.evaporation import (
     condensed,
 )
 from labweb.domain.workflows.passes.chemistry.phase_separation import stated_lots
-from labweb.domain.workflows.passes.chemistry.vacuum_source import Vacuum, find_vacuum
+from labweb.domain.workflows.passes.chemistry.vacuum_source import VacuumSource, find_vacuum
 from labweb.domain.workflows.passes.devices.device_of_vessel import condenses
 from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import draft_of, wait_job
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, DraftStep
@@ -59,7 +59,7 @@ def plan_dry(step: Step, drafting: Drafting) -> DraftStep:
 def _one(
     step: Step,
     drafting: Drafting,
-    vacuum: Vacuum,
+    vacuum: VacuumSource,
     action: str,
     args: Mapping[str, float],
     text: str,

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from uuid import UUID
 
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.chemistry.vacuum_source import (
@@ -32,7 +32,7 @@ MOST_ROUNDS = 20
 @dataclass(frozen=True, slots=True)
 class _Ports:
     valve: GasValve
-    vacuum: Device
+    vacuum: AdmittedDevice
     vacuum_port: int
     gas_port: int
 

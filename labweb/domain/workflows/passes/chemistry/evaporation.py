@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.resources.contents import LotId, total_nl
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.chemistry.phase_separation import meant_lots
@@ -70,7 +70,7 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
     held = vacuum.nodes if vacuum.valve is not None else ()
 
     def one(
-        device: Device, action: str, args: dict[str, float], text: str, takes_s: float
+        device: AdmittedDevice, action: str, args: dict[str, float], text: str, takes_s: float
     ) -> DraftJob | None:
         return drafting.job(
             step, device, action, args, sentence=text, locks=(vessel, *held), estimate_s=takes_s

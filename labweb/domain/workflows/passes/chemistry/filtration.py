@@ -18,7 +18,11 @@ from labweb.domain.workflows.passes.liquids.pump_choice import MOST_STROKES
 from labweb.domain.workflows.passes.liquids.solids_drawn_along import meant_solids
 from labweb.domain.workflows.passes.liquids.stroke_splitting import count_strokes, split_strokes
 from labweb.domain.workflows.passes.liquids.strokes import check_fineness
-from labweb.domain.workflows.passes.liquids.syringe_passes import Chain, choose_way, make_passes
+from labweb.domain.workflows.passes.liquids.syringe_passes import (
+    SyringeLine,
+    choose_way,
+    make_passes,
+)
 from labweb.domain.workflows.passes.people.stated_at_run import ask_of_solids
 from labweb.domain.workflows.workflow_file import Step
 
@@ -63,7 +67,7 @@ def _draw_off(
     step: Step,
     drafting: Drafting,
     whole: TransferLiquid,
-    chain: Chain,
+    chain: SyringeLine,
     asked: list[DraftJob | None],
 ) -> DraftStep:
     nothing = DraftStep(step=step, whole=whole)
@@ -85,7 +89,7 @@ def _draw_off(
     return DraftStep(step=step, jobs=made, whole=whole, pump_ids=chain.pump_ids, notes=chain.notes)
 
 
-def _leaves_below(step: Step, drafting: Drafting, chain: Chain) -> bool:
+def _leaves_below(step: Step, drafting: Drafting, chain: SyringeLine) -> bool:
     port = chain.legs[0].route.ports[0].port
     if port == BELOW_THE_FRIT:
         return True

@@ -13,12 +13,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.graph.routing import COMMON_PORT, is_numbered
 from labweb.domain.resources.resource_kinds import VACUUMS
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.role_requirements import plays
 from labweb.domain.workflows.workflow_file import Step
 
@@ -33,7 +33,7 @@ TURN_S = 2.0
 class GasValve:
     """A driven valve whose common port leads to a vessel."""
 
-    device: Device
+    device: AdmittedDevice
     node_id: UUID
     ends: Mapping[int, UUID]
     """Port → what is behind it."""
@@ -54,10 +54,10 @@ class GasValve:
 
 
 @dataclass(frozen=True, slots=True)
-class Vacuum:
+class VacuumSource:
     """A controller, and the valve that has to join it to the vessel; None: it always is."""
 
-    device: Device
+    device: AdmittedDevice
     valve: GasValve | None = None
     port: int = 0
 
@@ -75,13 +75,13 @@ class Vacuum:
         return own if self.valve is None else (*own, self.valve.node_id)
 
 
-def find_vacuum(step: Step, drafting: Drafting, vessel: UUID) -> Vacuum | None:
+def find_vacuum(step: Step, drafting: Drafting, vessel: UUID) -> VacuumSource | None:
     """Return the one vacuum that can be drawn on a vessel; note when it is not one."""
     view = drafting.view
-    found = [Vacuum(device) for device in _joined(view, vessel)]
+    found = [VacuumSource(device) for device in _joined(view, vessel)]
     if not found:
         found = [
-            Vacuum(device, valve, port)
+            VacuumSource(device, valve, port)
             for valve in gas_valves(view, vessel)
             for port, device in vacuum_ports(view, valve)
         ]
@@ -96,7 +96,7 @@ def find_vacuum(step: Step, drafting: Drafting, vessel: UUID) -> Vacuum | None:
     return None
 
 
-def gas_valves(view: LabView, vessel: UUID) -> Iterator[GasValve]:
+def gas_valves(view: PlannerView, vessel: UUID) -> Iterator[GasValve]:
     """Yield the driven valves whose common port leads to a vessel."""
     for node, device in sorted(view.device_by_node.items()):
         resource = view.tree.by_id.get(node)
@@ -114,7 +114,7 @@ def gas_valves(view: LabView, vessel: UUID) -> Iterator[GasValve]:
             yield GasValve(device, node, dict(sorted(ports.items())))
 
 
-def vacuum_ports(view: LabView, valve: GasValve) -> Iterator[tuple[int, Device]]:
+def vacuum_ports(view: PlannerView, valve: GasValve) -> Iterator[tuple[int, AdmittedDevice]]:
     """Yield the ports of a valve behind which a controller draws, by a line of its own or not."""
     for port, end in valve.ends.items():
         device = view.device_by_node.get(end)
@@ -124,7 +124,7 @@ def vacuum_ports(view: LabView, valve: GasValve) -> Iterator[tuple[int, Device]]
             yield from ((port, behind) for behind in _joined(view, end))
 
 
-def _joined(view: LabView, node: UUID) -> list[Device]:
+def _joined(view: PlannerView, node: UUID) -> list[AdmittedDevice]:
     """Return the controllers that a tube for vacuum joins to a resource."""
     ends = (
         end.resource_id

@@ -16,15 +16,15 @@ from labweb.domain.calibration.correction import (
     DIGITS,
     IS_RELATIVE,
     SYMBOLS,
-    Calibration,
+    AcceptedCalibration,
+    CalibrationQuantity,
+    CalibrationStanding,
     Correction,
-    Quantity,
-    Standing,
     correction_of,
 )
 from labweb.domain.crutd.operations import Read
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import ParameterSpec, check_arguments
 from labweb.domain.errors import Finding
 from labweb.domain.units import parse
@@ -33,27 +33,29 @@ from labweb.domain.workflows.passes.role_requirements import beyond_limits, sett
 from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 from labweb.domain.workflows.workflow_file import Step
 
-ACCURACIES: Mapping[Quantity, str] = {
-    Quantity.VOLUME: "share",
-    Quantity.PH: "ph_difference",
-    Quantity.TEMPERATURE: "temperature_difference",
+ACCURACIES: Mapping[CalibrationQuantity, str] = {
+    CalibrationQuantity.VOLUME: "share",
+    CalibrationQuantity.PH: "ph_difference",
+    CalibrationQuantity.TEMPERATURE: "temperature_difference",
 }
 """How a step's accuracy is written, by the quantity that it is of."""
 
 
-def calibration_of(device: Device, quantity: Quantity) -> Calibration | None:
+def calibration_of(
+    device: AdmittedDevice, quantity: CalibrationQuantity
+) -> AcceptedCalibration | None:
     """Return the newest calibration of a quantity, whether it is in force or not."""
     return next((one for one in device.calibrations if one.quantity is quantity), None)
 
 
-def in_force(device: Device, quantity: Quantity) -> Calibration | None:
+def in_force(device: AdmittedDevice, quantity: CalibrationQuantity) -> AcceptedCalibration | None:
     """Return the calibration that corrects a quantity now; None: nothing does."""
     found = calibration_of(device, quantity)
     return found if found is not None and found.is_in_force else None
 
 
 def check_accuracy(
-    device: Device, quantity: Quantity, values: Iterable[float], wanted: float
+    device: AdmittedDevice, quantity: CalibrationQuantity, values: Iterable[float], wanted: float
 ) -> list[Finding]:
     """List why a device is not known to be as accurate as a step needs; empty means it is.
 
@@ -76,7 +78,10 @@ def check_accuracy(
             f"calibration {found.number} of {quantity.value} of {device.name} does not hold: "
             f"{why}. The step needs {needs}: calibrate it again"
         )
-        is_gone, is_due = (found.standing is one for one in (Standing.WITHDRAWN, Standing.EXPIRED))
+        is_gone, is_due = (
+            found.standing is one
+            for one in (CalibrationStanding.WITHDRAWN, CalibrationStanding.EXPIRED)
+        )
         return [
             Finding(
                 "calibration.withdrawn"
@@ -91,7 +96,7 @@ def check_accuracy(
 
 
 def _check_value(
-    device: Device, found: Calibration, value: float, wanted: float
+    device: AdmittedDevice, found: AcceptedCalibration, value: float, wanted: float
 ) -> Iterator[Finding]:
     quantity, symbol = found.quantity, SYMBOLS[found.quantity]
     expanded = found.expanded_at(value)
@@ -112,7 +117,7 @@ def _check_value(
         yield Finding("calibration.too_uncertain", text)
 
 
-def _makers_word(device: Device, quantity: Quantity) -> str:
+def _makers_word(device: AdmittedDevice, quantity: CalibrationQuantity) -> str:
     """Say what the maker states, which no measurement of this very device has shown."""
     for parameter in _calibrated(device):
         stated = parameter.accuracy
@@ -125,16 +130,16 @@ def _makers_word(device: Device, quantity: Quantity) -> str:
     return ""
 
 
-def _calibrated(device: Device) -> Iterator[ParameterSpec]:
+def _calibrated(device: AdmittedDevice) -> Iterator[ParameterSpec]:
     """Yield every number of a device that its driver says can be calibrated."""
     for action in device.spec.actions:
         yield from (one for one in action.parameters if one.accuracy is not None)
     yield from (one.value for one in device.spec.statuses if one.value.accuracy is not None)
 
 
-def largest_stroke_nl(device: Device, syringe_nl: int) -> int:
+def largest_stroke_nl(device: AdmittedDevice, syringe_nl: int) -> int:
     """Return the largest volume that one stroke may move: nothing beyond what was calibrated."""
-    found = in_force(device, Quantity.VOLUME)
+    found = in_force(device, CalibrationQuantity.VOLUME)
     return syringe_nl if found is None else min(syringe_nl, int(found.levels[-1].value * 1000))
 
 
@@ -188,10 +193,10 @@ def _corrections(job: DraftJob) -> Iterator[Correction]:
                 yield correction_of(found, status.name, None)
 
 
-def _in_force_for(device: Device, parameter: ParameterSpec) -> Calibration | None:
-    if parameter.accuracy is None or parameter.quantity not in set(Quantity):
+def _in_force_for(device: AdmittedDevice, parameter: ParameterSpec) -> AcceptedCalibration | None:
+    if parameter.accuracy is None or parameter.quantity not in set(CalibrationQuantity):
         return None
-    return in_force(device, Quantity(parameter.quantity))
+    return in_force(device, CalibrationQuantity(parameter.quantity))
 
 
 def _check_sent(job: DraftJob, args: dict[str, object], drafting: Drafting) -> list[Finding]:
@@ -213,7 +218,11 @@ def _check_range(job: DraftJob, made: Iterable[Correction]) -> Iterator[Finding]
     """Refuse temperatures beyond those that were compared: a line says nothing of them."""
     for one in made:
         found = in_force(job.device, one.quantity)
-        if one.quantity is not Quantity.TEMPERATURE or one.asked is None or found is None:
+        if (
+            one.quantity is not CalibrationQuantity.TEMPERATURE
+            or one.asked is None
+            or found is None
+        ):
             continue
         first, last = found.levels[0], found.levels[-1]
         if not first.value - first.expanded <= one.asked <= last.value + last.expanded:
@@ -225,7 +234,7 @@ def _check_range(job: DraftJob, made: Iterable[Correction]) -> Iterator[Finding]
             yield Finding("calibration.out_of_range", text)
 
 
-def _as_device_tells(condition: Condition, device: Device | None) -> Condition:
+def _as_device_tells(condition: Condition, device: AdmittedDevice | None) -> Condition:
     """Return a condition on a true value as one on what the device tells."""
     if device is None:
         return condition

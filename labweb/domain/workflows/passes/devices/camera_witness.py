@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from uuid import UUID
 
 from labweb.domain.crutd.pre_and_postconditions import Condition, sees_tag, sees_vessel
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import READ_S, draft_of
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftStep
 from labweb.domain.workflows.passes.role_requirements import plays
@@ -46,7 +46,7 @@ def witness(step: Step, drafting: Drafting, name: str) -> list[Condition]:
     return [_seen(camera, step.params, is_there=True, timeout_s=LOOK_TIMEOUT_S)]
 
 
-def _camera(step: Step, drafting: Drafting, name: str) -> Device | None:
+def _camera(step: Step, drafting: Drafting, name: str) -> AdmittedDevice | None:
     device = drafting.view.find_device(UUID(step.params[name]))
     if device is not None and plays(device, "camera"):
         return device
@@ -56,7 +56,7 @@ def _camera(step: Step, drafting: Drafting, name: str) -> Device | None:
 
 
 def _seen(
-    camera: Device, params: Mapping[str, str], *, is_there: bool, timeout_s: float = 0.0
+    camera: AdmittedDevice, params: Mapping[str, str], *, is_there: bool, timeout_s: float = 0.0
 ) -> Condition:
     """Return what a camera must see: the tag, or else that a vessel stands there, or none."""
     sure = MIN_CONFIDENCE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.workflows.passes.devices.sampling import on_grid_nl
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob
 from labweb.domain.workflows.workflow_file import Step
@@ -15,12 +15,12 @@ STROKE_S = 30.0
 """Estimate of one transfer, with the ways of the gantry."""
 
 
-def moves_between_wells(device: Device, name: str) -> bool:
+def moves_between_wells(device: AdmittedDevice, name: str) -> bool:
     """Tell whether an action moves liquid from a well of the device's deck to another."""
     return name == BETWEEN_WELLS and device.spec.action(name).role == ROLE
 
 
-def deck_job(step: Step, drafting: Drafting, device: Device) -> DraftJob | None:
+def deck_job(step: Step, drafting: Drafting, device: AdmittedDevice) -> DraftJob | None:
     """Make the job of a transfer from well to well, booked from the one to the other.
 
     None: it cannot be planned, and the findings say why.
@@ -43,7 +43,7 @@ def deck_job(step: Step, drafting: Drafting, device: Device) -> DraftJob | None:
     )
 
 
-def _well(step: Step, drafting: Drafting, device: Device, end: str) -> UUID | None:
+def _well(step: Step, drafting: Drafting, device: AdmittedDevice, end: str) -> UUID | None:
     """Return the one well of the deck that slot and well name; None, noted: there is none."""
     args = step.params.get("args", {})
     wanted = args.get(f"{end}_slot"), args.get(f"{end}_well")

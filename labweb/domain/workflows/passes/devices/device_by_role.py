@@ -7,7 +7,7 @@ from dataclasses import replace
 from uuid import UUID
 
 from labweb.domain.crutd.operations import Read, Update
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.errors import Finding
 from labweb.domain.workflows.passes.devices.calibration_correction import correct_step
 from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import (
@@ -66,7 +66,7 @@ def check_whole(drafts: Sequence[DraftStep], execution: Execution | None) -> lis
     ]
 
 
-def _stands_under(device: Device, under: UUID, drafting: Drafting) -> bool:
+def _stands_under(device: AdmittedDevice, under: UUID, drafting: Drafting) -> bool:
     tree = drafting.view.tree
     return any(
         node == under or any(one.id == under for one in tree.ancestors(node))
@@ -75,7 +75,7 @@ def _stands_under(device: Device, under: UUID, drafting: Drafting) -> bool:
     )
 
 
-def _on(device: Device, step: Step, drafting: Drafting) -> tuple[DraftJob | None, str]:
+def _on(device: AdmittedDevice, step: Step, drafting: Drafting) -> tuple[DraftJob | None, str]:
     """Return the job on one device, or why it cannot be that one; nothing is noted."""
     named = {name: step.params[name] for name in ("action", "args") if name in step.params}
     trial = replace(drafting, findings=[])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from labweb.domain.calibration.correction import Quantity
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.devices.calibration_correction import (
@@ -18,10 +18,10 @@ from labweb.domain.workflows.passes.role_requirements import plays
 from labweb.domain.workflows.workflow_file import Step
 
 
-def carriers(drafting: Drafting, vessel: UUID, role: str) -> list[Device]:
+def carriers(drafting: Drafting, vessel: UUID, role: str) -> list[AdmittedDevice]:
     """Return the devices of a role that the vessel stands on, or else is coupled to."""
     view = drafting.view
-    found: dict[UUID, Device] = {}
+    found: dict[UUID, AdmittedDevice] = {}
     for resource in view.carriers(vessel):
         device = view.device_by_node.get(resource.id)
         if device is not None and plays(device, role):
@@ -29,7 +29,7 @@ def carriers(drafting: Drafting, vessel: UUID, role: str) -> list[Device]:
     return list(found.values())
 
 
-def find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Device | None:
+def find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> AdmittedDevice | None:
     """Return the one device of a role that a vessel stands on; note when it is not one."""
     found = carriers(drafting, vessel, role)
     if len(found) == 1:
@@ -48,8 +48,8 @@ def find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Dev
 def is_accurate(
     step: Step,
     drafting: Drafting,
-    device: Device,
-    quantity: Quantity,
+    device: AdmittedDevice,
+    quantity: CalibrationQuantity,
     value: float | None = None,
 ) -> bool:
     """Tell whether a device is known to be as accurate as a step needs.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from uuid import UUID
 
-from labweb.domain.calibration.correction import Quantity
+from labweb.domain.calibration.correction import CalibrationQuantity
 from labweb.domain.crutd.operations import Operation
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.errors import NotFoundError
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.devices.calibration_correction import ACCURACIES
@@ -53,7 +53,7 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
     name = drafting.name(vessel)
     target_c = parse(step.params["temperature"], "temperature")
     jobs: list[DraftJob | None] = []
-    if not is_accurate(step, drafting, heater, Quantity.TEMPERATURE, target_c):
+    if not is_accurate(step, drafting, heater, CalibrationQuantity.TEMPERATURE, target_c):
         jobs.append(None)
     if stirrer is not None:
         jobs.append(_stir(step, drafting, stirrer, vessel))
@@ -74,7 +74,11 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
 
 
 def _hold(
-    step: Step, drafting: Drafting, heater: Device, stirrer: Device | None, target_c: float
+    step: Step,
+    drafting: Drafting,
+    heater: AdmittedDevice,
+    stirrer: AdmittedDevice | None,
+    target_c: float,
 ) -> list[DraftJob | None]:
     vessel = UUID(step.params["vessel"])
     name = drafting.name(vessel)
@@ -104,7 +108,7 @@ def _tolerance_c(step: Step, usual_c: float) -> float:
     """Return how far the reading may be from the set point: never more than a step allows."""
     if "accuracy" not in step.params:
         return usual_c
-    return min(usual_c, parse(step.params["accuracy"], ACCURACIES[Quantity.TEMPERATURE]))
+    return min(usual_c, parse(step.params["accuracy"], ACCURACIES[CalibrationQuantity.TEMPERATURE]))
 
 
 def _reached_c(step: Step) -> float:
@@ -114,11 +118,11 @@ def _reached_c(step: Step) -> float:
     return _tolerance_c(step, parse(step.params["tolerance"], "temperature_difference"))
 
 
-def _off(heater: Device) -> str:
+def _off(heater: AdmittedDevice) -> str:
     return "stop_heating" if plays(heater, "heater") else "stop_control"
 
 
-def find_heater(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
+def find_heater(step: Step, drafting: Drafting, vessel: UUID) -> AdmittedDevice | None:
     """Return the hotplate or the thermostat of a vessel; note when it is not one."""
     role = "thermostat" if carriers(drafting, vessel, "thermostat") else "heater"
     return find_carrier(step, drafting, vessel, role)
@@ -238,7 +242,7 @@ def draft_of(step: Step, jobs: list[DraftJob | None]) -> DraftStep:
     return DraftStep(step=step, jobs=made if len(made) == len(jobs) else ())
 
 
-def _stir(step: Step, drafting: Drafting, stirrer: Device, vessel: UUID) -> DraftJob | None:
+def _stir(step: Step, drafting: Drafting, stirrer: AdmittedDevice, vessel: UUID) -> DraftJob | None:
     speed_rpm = parse(step.params["stir_speed"], "speed")
     return drafting.job(
         step,
@@ -252,7 +256,7 @@ def _stir(step: Step, drafting: Drafting, stirrer: Device, vessel: UUID) -> Draf
 
 
 def _stop(
-    step: Step, drafting: Drafting, device: Device, action: str, vessel: UUID
+    step: Step, drafting: Drafting, device: AdmittedDevice, action: str, vessel: UUID
 ) -> DraftJob | None:
     what = "stirring" if action == "stop_stirring" else "heating"
     return drafting.job(
@@ -297,7 +301,7 @@ def wait_job(  # noqa: PLR0913 - as for any job; all but three are keywords
     )
 
 
-def free_timer(step: Step, drafting: Drafting, at: str) -> Device | None:
+def free_timer(step: Step, drafting: Drafting, at: str) -> AdmittedDevice | None:
     """Return the first timer no step uses that may run at the same time, else the first.
 
     A finding is noted in a lab that has none.
@@ -323,7 +327,7 @@ def _plan_reading(
         message = "no device of this lab reads that instrument"
         drafting.refuse(step, "plan.no_device", message, f"params.{field}", role=role)
         return DraftStep(step=step)
-    if not is_accurate(step, drafting, device, Quantity.PH):
+    if not is_accurate(step, drafting, device, CalibrationQuantity.PH):
         return DraftStep(step=step)
     job = drafting.job(
         step,
@@ -337,7 +341,7 @@ def _plan_reading(
     return draft_of(step, [job])
 
 
-def ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -> float:
+def ramp_s(drafting: Drafting, heater: AdmittedDevice, vessel: UUID, target_c: float) -> float:
     """Estimate the time to a temperature: difference over ramp."""
     known = [drafting.view.state(i) for i in (vessel, *heater.nodes.values())]
     told = [state.data.get("temperature_c") for state in known if state is not None]

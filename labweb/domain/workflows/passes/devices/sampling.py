@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.domain.crutd.operations import Dispose
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import ActionSpec
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob
 from labweb.domain.workflows.workflow_file import Step
@@ -28,7 +28,7 @@ GRID_NL = 1e-6
 
 
 def injection_job(
-    step: Step, drafting: Drafting, device: Device, estimate_s: float
+    step: Step, drafting: Drafting, device: AdmittedDevice, estimate_s: float
 ) -> DraftJob | None:
     """Make the job of an action that draws from a sample which stands in the device.
 
@@ -69,13 +69,15 @@ def on_grid_nl(step: Step, drafting: Drafting, told_ul: object, argument: str) -
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class MeasuredSample:
     """What an action measures; None: nothing, or nobody knows which of several it is."""
 
     resource_id: UUID | None
 
 
-def sample_in(step: Step, drafting: Drafting, device: Device, action: ActionSpec) -> Sample | None:
+def sample_in(
+    step: Step, drafting: Drafting, device: AdmittedDevice, action: ActionSpec
+) -> MeasuredSample | None:
     """Return what an action measures: what the step names, or the one vessel there.
 
     None, noted: the step names what this action does not measure, or it measures at one of
@@ -94,7 +96,7 @@ def sample_in(step: Step, drafting: Drafting, device: Device, action: ActionSpec
             drafting.refuse(step, "plan.no_sample", message, "params.sample")
             return None
         is_known = is_measuring and len(there) == 1
-        return Sample(next(iter(there)) if is_known else None)
+        return MeasuredSample(next(iter(there)) if is_known else None)
     sample_id = UUID(step.params["sample"])
     if not is_measuring:
         message = f"{action.name} of {device.name} measures no sample"
@@ -105,4 +107,4 @@ def sample_in(step: Step, drafting: Drafting, device: Device, action: ActionSpec
         message = f"{drafting.name(sample_id)} does not stand on {device.name}{reached}"
         drafting.refuse(step, "plan.sample_elsewhere", message, "params.sample")
         return None
-    return Sample(sample_id)
+    return MeasuredSample(sample_id)

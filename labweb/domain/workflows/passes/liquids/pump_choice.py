@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
-from labweb.domain.calibration.correction import Quantity
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.errors import Finding, NoRouteError
 from labweb.domain.graph.ports_and_connections import Connection, Medium, PortRef
 from labweb.domain.graph.routing import Route, find_route, is_numbered
@@ -17,7 +17,7 @@ from labweb.domain.workflows.passes.devices.calibration_correction import (
     check_accuracy,
     largest_stroke_nl,
 )
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.liquids.stroke_splitting import count_strokes, split_strokes
 from labweb.domain.workflows.passes.role_requirements import acting_node, plays, setting
 from labweb.domain.workflows.workflow_file import Step
@@ -27,10 +27,10 @@ MOST_STROKES = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class ValveTurn:
     """A valve that must stand at a port, and the device that turns it."""
 
-    device: Device
+    device: AdmittedDevice
     node_id: UUID
     port_index: int
 
@@ -40,14 +40,14 @@ class Leg:
     """One half of a transfer: into the syringe, or out of it."""
 
     route: Route
-    turns: tuple[Turn, ...]
+    turns: tuple[ValveTurn, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pumping:
     """A pump with its two legs."""
 
-    device: Device
+    device: AdmittedDevice
     pump_id: UUID
     into: Leg
     out: Leg
@@ -58,7 +58,7 @@ class Pumping:
         return self.into.route.dead_volume_nl + self.out.route.dead_volume_nl
 
 
-def pump_node(view: LabView, device: Device) -> UUID | None:
+def pump_node(view: PlannerView, device: AdmittedDevice) -> UUID | None:
     """Return the syringe of a device that can pump, or None when it cannot."""
     if not plays(device, "pump"):
         return None
@@ -71,7 +71,7 @@ def pump_node(view: LabView, device: Device) -> UUID | None:
 
 
 def check_share(
-    step: Step, view: LabView, device: Device, pump_id: UUID, amount_nl: int
+    step: Step, view: PlannerView, device: AdmittedDevice, pump_id: UUID, amount_nl: int
 ) -> list[Finding]:
     """List why a pump is not known to be as accurate as the step needs, stroke by stroke."""
     if "accuracy" not in step.params:
@@ -83,20 +83,22 @@ def check_share(
     parts = split_strokes(amount_nl, stroke_nl) if is_planned else (amount_nl,)
     volumes_ul = [part / 1000 for part in sorted(set(parts))]
     wanted = parse(step.params["accuracy"], "share")
-    return check_accuracy(device, Quantity.VOLUME, volumes_ul, wanted)
+    return check_accuracy(device, CalibrationQuantity.VOLUME, volumes_ul, wanted)
 
 
-def pump_nodes(devices: Iterable[Device], view: LabView) -> list[tuple[Device, UUID]]:
+def pump_nodes(
+    devices: Iterable[AdmittedDevice], view: PlannerView
+) -> list[tuple[AdmittedDevice, UUID]]:
     """Return those of the devices that can pump, with the syringe of each."""
     return [(device, node) for device in devices if (node := pump_node(view, device)) is not None]
 
 
 def choose_pump(  # noqa: PLR0913 - what is moved, and by which way it may go
-    view: LabView,
+    view: PlannerView,
     source: UUID,
     target: UUID,
     amount_nl: int,
-    wanted: Device | None,
+    wanted: AdmittedDevice | None,
     *,
     through: UUID | None = None,
     check: Callable[[Pumping], list[Finding]] = lambda _: [],
@@ -135,15 +137,15 @@ def choose_pump(  # noqa: PLR0913 - what is moved, and by which way it may go
     return _why_not(view, source, target, reasons, [node_id for _, node_id in pumps])
 
 
-def _is_too_small(view: LabView, pump_id: UUID, amount_nl: int) -> bool:
+def _is_too_small(view: PlannerView, pump_id: UUID, amount_nl: int) -> bool:
     state = view.state(pump_id)
     syringe_nl = None if state is None else state.capacity_nl
     return syringe_nl is not None and amount_nl > MOST_STROKES * syringe_nl
 
 
 def _try_pump(
-    view: LabView,
-    device: Device,
+    view: PlannerView,
+    device: AdmittedDevice,
     pump_id: UUID,
     source: UUID,
     target: UUID,
@@ -166,7 +168,9 @@ def _try_pump(
     return Pumping(device=device, pump_id=pump_id, into=legs[0], out=legs[1])
 
 
-def make_leg(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> Leg | Finding:
+def make_leg(
+    view: PlannerView, route: Route, pumps: Mapping[UUID, AdmittedDevice]
+) -> Leg | Finding:
     """Return a way with all that is turned for it, the valves of the syringes at its ends too.
 
     Args:
@@ -189,7 +193,7 @@ def make_leg(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> Leg |
     return turns if isinstance(turns, Finding) else Leg(route=route, turns=turns)
 
 
-def find_way(view: LabView, source: UUID, target: UUID, through: UUID | None) -> Route:
+def find_way(view: PlannerView, source: UUID, target: UUID, through: UUID | None) -> Route:
     """Find the way between two ends; through a cartridge only when that is asked.
 
     Raises:
@@ -207,7 +211,9 @@ def find_way(view: LabView, source: UUID, target: UUID, through: UUID | None) ->
     )
 
 
-def find_outlet(view: LabView, device: Device, pump_id: UUID, target: UUID) -> Leg | Finding:
+def find_outlet(
+    view: PlannerView, device: AdmittedDevice, pump_id: UUID, target: UUID
+) -> Leg | Finding:
     """Find the way out of one pump's syringe, or say why there is none.
 
     Returns:
@@ -221,8 +227,8 @@ def find_outlet(view: LabView, device: Device, pump_id: UUID, target: UUID) -> L
 
 
 def _check_pump_ports(
-    view: LabView,
-    device: Device,
+    view: PlannerView,
+    device: AdmittedDevice,
     pump_id: UUID,
     ends: Iterable[PortRef],
     *,
@@ -247,7 +253,7 @@ def _check_pump_ports(
     return Finding("plan.ambiguous_port", message, "", {"tubes": [c.key for c in tubes]})
 
 
-def _selects(device: Device, node_id: UUID) -> bool:
+def _selects(device: AdmittedDevice, node_id: UUID) -> bool:
     """Tell whether a device's `select_port` turns this very resource."""
     return plays(device, "valve") and acting_node(device, "select_port") == node_id
 
@@ -259,7 +265,9 @@ def _leads(connection: Connection, pump_id: UUID, *, inwards: bool) -> bool:
     return end.resource_id == pump_id
 
 
-def _turns(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> tuple[Turn, ...] | Finding:
+def _turns(
+    view: PlannerView, route: Route, pumps: Mapping[UUID, AdmittedDevice]
+) -> tuple[ValveTurn, ...] | Finding:
     turns = []
     for position in route.valves:
         driven_by = view.device_by_node.get(position.valve_id)
@@ -267,11 +275,11 @@ def _turns(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> tuple[T
             name = view.tree.find(position.valve_id).name
             message = f"{name} is on the way, and no device of this lab turns it"
             return Finding("plan.no_device", message)
-        turns.append(Turn(driven_by, position.valve_id, position.port_index))
+        turns.append(ValveTurn(driven_by, position.valve_id, position.port_index))
     for end in (route.ports[0], route.ports[-1]):
         device = pumps.get(end.resource_id)
         if device is not None and is_numbered(end.port) and _selects(device, end.resource_id):
-            turns.append(Turn(device, end.resource_id, int(end.port)))
+            turns.append(ValveTurn(device, end.resource_id, int(end.port)))
     for turn in turns:
         count = setting(turn.device, "ports_count")
         if count is not None and turn.port_index > count:
@@ -284,7 +292,7 @@ def _turns(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> tuple[T
 
 
 def _why_not(
-    view: LabView, source: UUID, target: UUID, reasons: list[Finding], pumps: list[UUID]
+    view: PlannerView, source: UUID, target: UUID, reasons: list[Finding], pumps: list[UUID]
 ) -> Finding:
     """Say the reason that helps most: what is missing, and where."""
     other = [reason for reason in reasons if reason.code != "plan.no_route"]
@@ -308,7 +316,7 @@ def _why_not(
 
 
 def _relay(
-    view: LabView, ends: tuple[UUID, UUID], drawing: list[UUID], pushing: list[UUID]
+    view: PlannerView, ends: tuple[UUID, UUID], drawing: list[UUID], pushing: list[UUID]
 ) -> Finding:
     """Say where a transfer that needs two pumps breaks, and which vessels both reach."""
     first, second, via = _choose_relay(view, ends, drawing, pushing)
@@ -325,7 +333,7 @@ def _relay(
 
 
 def _choose_relay(
-    view: LabView, ends: tuple[UUID, UUID], drawing: list[UUID], pushing: list[UUID]
+    view: PlannerView, ends: tuple[UUID, UUID], drawing: list[UUID], pushing: list[UUID]
 ) -> tuple[UUID, UUID, list[UUID]]:
     """Return the first two pumps that share a vessel, or else the first two."""
     vessels = [
@@ -342,7 +350,7 @@ def _choose_relay(
     return drawing[0], pushing[0], []
 
 
-def _reaches(view: LabView, source: UUID, target: UUID) -> bool:
+def _reaches(view: PlannerView, source: UUID, target: UUID) -> bool:
     try:
         find_route(view.graph, view.tree, source, target)
     except NoRouteError:
@@ -350,5 +358,5 @@ def _reaches(view: LabView, source: UUID, target: UUID) -> bool:
     return True
 
 
-def _keys(view: LabView, ids: list[UUID]) -> list[str]:
+def _keys(view: PlannerView, ids: list[UUID]) -> list[str]:
     return [view.tree.find(i).key for i in ids]

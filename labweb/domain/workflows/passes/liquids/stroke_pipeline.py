@@ -14,13 +14,13 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import TypedDict
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.graph.port_network import Hop, Network
-from labweb.domain.graph.syringe_chain import Chain
+from labweb.domain.graph.syringe_chain import SyringeChain
 from labweb.domain.workflows.passes.liquids.stroke_splitting import split_strokes
 
 
-class Command(TypedDict):
+class DeviceCommand(TypedDict):
     """One device told to do one thing, as it is written in an answer."""
 
     device: str
@@ -28,7 +28,7 @@ class Command(TypedDict):
     parameters: dict[str, str | float]
 
 
-Group = list[Command]
+Group = list[DeviceCommand]
 """Commands that run at the same time."""
 
 
@@ -48,7 +48,11 @@ def find_interval(hops: Sequence[Hop]) -> int:
 
 
 def make_groups(
-    network: Network, chain: Chain, amount_nl: int, syringe_nl: int, rates_ul_s: Sequence[float]
+    network: Network,
+    chain: SyringeChain,
+    amount_nl: int,
+    syringe_nl: int,
+    rates_ul_s: Sequence[float],
 ) -> Iterator[Group]:
     """Yield the groups of commands that move an amount along a chain.
 
@@ -82,7 +86,7 @@ def _set(
 ) -> Iterator[Group]:
     """Yield what is closed, then what is turned, then what is opened, each when there is any."""
     wanted = {index: position for hop in hops for index, position in hop.settings}
-    solenoids = {i for i in wanted if network.elements[i].role is Role.SOLENOID}
+    solenoids = {i for i in wanted if network.elements[i].role is ElementRole.SOLENOID}
     turned = {
         index: position
         for index, position in wanted.items()
@@ -92,7 +96,7 @@ def _set(
         yield [_say(network, index, "close") for index in sorted(opened - solenoids)]
     if turned:
         yield [
-            Command(
+            DeviceCommand(
                 device=network.elements[index].key,
                 action="set_port",
                 parameters={"port": position},
@@ -106,15 +110,15 @@ def _set(
     opened |= solenoids
 
 
-def _say(network: Network, index: int, action: str) -> Command:
-    return Command(device=network.elements[index].key, action=action, parameters={})
+def _say(network: Network, index: int, action: str) -> DeviceCommand:
+    return DeviceCommand(device=network.elements[index].key, action=action, parameters={})
 
 
-def _move(network: Network, hop: Hop, amount_nl: int, rate_ul_s: float) -> Iterator[Command]:
+def _move(network: Network, hop: Hop, amount_nl: int, rate_ul_s: float) -> Iterator[DeviceCommand]:
     for index, action in ((hop.start, "dispense"), (hop.end, "aspirate")):
         element = network.elements[index]
-        if element.role is Role.PUMP:
-            yield Command(
+        if element.role is ElementRole.PUMP:
+            yield DeviceCommand(
                 device=element.key,
                 action=action,
                 parameters={"volume_ul": amount_nl / 1000, "rate_ul_s": rate_ul_s},

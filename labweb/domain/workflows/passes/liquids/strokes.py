@@ -8,11 +8,11 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import Operation, TransferLiquid, Update
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.units import parse, render_volume
 from labweb.domain.workflows.passes.devices.calibration_correction import largest_stroke_nl
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, MassCheck
-from labweb.domain.workflows.passes.liquids.pump_choice import Leg, Turn
+from labweb.domain.workflows.passes.liquids.pump_choice import Leg, ValveTurn
 from labweb.domain.workflows.passes.role_requirements import setting
 from labweb.domain.workflows.workflow_file import Step
 
@@ -35,7 +35,7 @@ class Strokes:
 
     step: Step
     drafting: Drafting
-    device: Device
+    device: AdmittedDevice
     syringe_nl: int
     stroke_nl: int
     """Largest volume of one stroke: of the syringe, and of its calibration where it has one."""
@@ -66,7 +66,7 @@ class Strokes:
         given = None if give is None else replace(give, meets_next=True)
         return [*turns, given, receive]
 
-    def _turn(self, turn: Turn, text: str) -> DraftJob | None:
+    def _turn(self, turn: ValveTurn, text: str) -> DraftJob | None:
         name = self.drafting.name(turn.node_id)
         return self.drafting.job(
             self.step,
@@ -131,19 +131,19 @@ def _of_gas(operation: TransferLiquid, *, is_draw: bool) -> Update:
     return Update(resource_id=syringe, data={}, needs_empty=True)
 
 
-def _is_initialized(device: Device) -> Condition:
+def _is_initialized(device: AdmittedDevice) -> Condition:
     return Condition(
         name="pump.is_initialized", device_id=device.id, status="is_initialized", equals=True
     )
 
 
-def _at_port(turn: Turn, name: str) -> Condition:
+def _at_port(turn: ValveTurn, name: str) -> Condition:
     return Condition(
         name=name, device_id=turn.device.id, status="port_index", equals=turn.port_index
     )
 
 
-def syringe_tolerance_ul(device: Device, syringe_nl: int) -> float:
+def syringe_tolerance_ul(device: AdmittedDevice, syringe_nl: int) -> float:
     """Return how far the plunger may stand from where it should, as a volume."""
     syringe_ul = syringe_nl / 1000
     steps = setting(device, "steps_full_count")
@@ -152,7 +152,11 @@ def syringe_tolerance_ul(device: Device, syringe_nl: int) -> float:
 
 
 def check_fineness(
-    step: Step, drafting: Drafting, device: Device, syringe_nl: int, amounts_nl: Iterable[int]
+    step: Step,
+    drafting: Drafting,
+    device: AdmittedDevice,
+    syringe_nl: int,
+    amounts_nl: Iterable[int],
 ) -> None:
     """Note a finding for a stroke that the plunger's steps cannot measure to a hundredth."""
     steps = setting(device, "steps_full_count")
@@ -174,7 +178,7 @@ def check_fineness(
 def make_strokes(
     step: Step,
     drafting: Drafting,
-    device: Device,
+    device: AdmittedDevice,
     pump_id: UUID,
     mass_check: MassCheck | None = None,
     *,
@@ -197,7 +201,7 @@ def make_strokes(
     )
 
 
-def _syringe(step: Step, drafting: Drafting, device: Device, pump_id: UUID) -> int | None:
+def _syringe(step: Step, drafting: Drafting, device: AdmittedDevice, pump_id: UUID) -> int | None:
     """Return the syringe's volume, on which the ledger and the driver must agree."""
     state = drafting.view.state(pump_id)
     name = drafting.name(pump_id)
@@ -217,7 +221,7 @@ def _syringe(step: Step, drafting: Drafting, device: Device, pump_id: UUID) -> i
     return capacity_nl
 
 
-def _rate(step: Step, drafting: Drafting, device: Device, syringe_nl: int) -> float | None:
+def _rate(step: Step, drafting: Drafting, device: AdmittedDevice, syringe_nl: int) -> float | None:
     fastest = setting(device, "max_rate_ul_s")
     if "flow_rate" not in step.params:
         rate_ul_s = syringe_nl / 1000 / FULL_STROKE_S

@@ -19,12 +19,12 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.enrollment.admitted_device import Device
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.errors import Finding, NoRouteError
 from labweb.domain.graph.ports_and_connections import Connection, PhysicalGraph, PortRef
 from labweb.domain.graph.routing import Route
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, MassCheck
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.liquids.pump_choice import (
     Leg,
     Pumping,
@@ -40,10 +40,10 @@ from labweb.domain.workflows.workflow_file import Step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Chain:
+class SyringeLine:
     """Syringes in the order of flow, with the ways into, between and out of them."""
 
-    pumps: tuple[tuple[Device, UUID], ...]
+    pumps: tuple[tuple[AdmittedDevice, UUID], ...]
     legs: tuple[Leg, ...]
     """One more than there are syringes."""
 
@@ -62,7 +62,7 @@ class Chain:
 class Passes:
     """Makes the jobs of one step along a chain, stroke by stroke; one that is refused is None."""
 
-    chain: Chain
+    chain: SyringeLine
     strokes: tuple[Strokes, ...]
 
     @property
@@ -101,7 +101,7 @@ class Passes:
 def make_passes(
     step: Step,
     drafting: Drafting,
-    chain: Chain,
+    chain: SyringeLine,
     mass_check: MassCheck | None = None,
     *,
     is_gas: bool = False,
@@ -123,7 +123,7 @@ def make_passes(
     return Passes(chain=chain, strokes=alike)
 
 
-def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain | None:
+def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> SyringeLine | None:
     """Find the pump of a step that moves liquid, or the chain of them; note why there is none.
 
     A step that names its pump is done by that one alone.
@@ -142,7 +142,7 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
         return None
     unfit: list[Finding] = []
 
-    def check(device: Device, node: UUID) -> list[Finding]:
+    def check(device: AdmittedDevice, node: UUID) -> list[Finding]:
         found = check_share(step, view, device, node, whole.amount_nl)
         unfit.extend(found)
         return found
@@ -157,7 +157,7 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
         check=lambda way: check(way.device, way.pump_id),
     )
     if isinstance(answer, Pumping):
-        return Chain(pumps=((answer.device, answer.pump_id),), legs=(answer.into, answer.out))
+        return SyringeLine(pumps=((answer.device, answer.pump_id),), legs=(answer.into, answer.out))
     if wanted is None and not unfit:
         chain = find_chain(view, source, target, through)
         if chain is not None and all(not check(*pump) for pump in chain.pumps):
@@ -170,7 +170,7 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
     return None
 
 
-def _by_ports(step: Step, drafting: Drafting, whole: TransferLiquid) -> LabView | None:
+def _by_ports(step: Step, drafting: Drafting, whole: TransferLiquid) -> PlannerView | None:
     """Return the lab with the tubes alone that a step lets liquid go by; None: that is refused."""
     view = drafting.view
     for name, vessel in (("source_port", whole.source_id), ("target_port", whole.target_id)):
@@ -197,7 +197,9 @@ def _ends_at(tube: Connection, vessel: UUID) -> list[PortRef]:
     return [end for end in (tube.source, tube.target) if end.resource_id == vessel]
 
 
-def find_chain(view: LabView, source: UUID, target: UUID, through: UUID | None) -> Chain | None:
+def find_chain(
+    view: PlannerView, source: UUID, target: UUID, through: UUID | None
+) -> SyringeLine | None:
     """Find the chain with the fewest syringes, and of those the one that wastes least.
 
     Two syringes that move together are driven by one host, which alone can start both at the
@@ -231,8 +233,8 @@ for each way between them whether it goes through the cartridge."""
 
 
 def _further(
-    view: LabView,
-    pumps: list[tuple[Device, UUID]],
+    view: PlannerView,
+    pumps: list[tuple[AdmittedDevice, UUID]],
     way: _Way,
     target: UUID,
     through: UUID | None,
@@ -252,7 +254,7 @@ def _further(
 
 
 def _onward(
-    view: LabView, pumps: list[tuple[Device, UUID]], last: int, through: UUID | None
+    view: PlannerView, pumps: list[tuple[AdmittedDevice, UUID]], last: int, through: UUID | None
 ) -> Iterator[tuple[int, bool, Route]]:
     device, node = pumps[last]
     for place, (other, beyond) in enumerate(pumps):
@@ -262,7 +264,7 @@ def _onward(
 
 
 def _ways(
-    view: LabView, source: UUID, target: UUID, through: UUID | None
+    view: PlannerView, source: UUID, target: UUID, through: UUID | None
 ) -> Iterator[tuple[bool, Route]]:
     """Yield the way between two ends, and the one through a cartridge, as far as there are."""
     for passes in (None, through) if through is not None else (None,):
@@ -271,12 +273,12 @@ def _ways(
 
 
 def _render(
-    view: LabView,
+    view: PlannerView,
     ends: tuple[UUID, UUID],
-    pumps: list[tuple[Device, UUID]],
+    pumps: list[tuple[AdmittedDevice, UUID]],
     through: UUID | None,
     passed: tuple[bool, ...],
-) -> Chain | None:
+) -> SyringeLine | None:
     """Return the chain with its valves; None: one of them cannot be turned as it has to be."""
     devices = {node: device for device, node in pumps}
     stops = [ends[0], *(node for _, node in pumps), ends[1]]
@@ -287,4 +289,4 @@ def _render(
         if not isinstance(leg, Leg):
             return None
         legs.append(leg)
-    return Chain(pumps=tuple(pumps), legs=tuple(legs))
+    return SyringeLine(pumps=tuple(pumps), legs=tuple(legs))

@@ -17,7 +17,7 @@ from uuid import UUID
 from labweb.domain.resources.contents import LotId, Phase, take, total_nl
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob
 from labweb.domain.workflows.passes.people.person_jobs import ask_person
-from labweb.domain.workflows.plan import Statement
+from labweb.domain.workflows.plan import LotStatement
 from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 from labweb.domain.workflows.unit_operations.unit_operation import StepParameter
 from labweb.domain.workflows.workflow_file import Step
@@ -52,7 +52,7 @@ def ask_to_state(
 ) -> DraftJob | None:
     """Make the job in whose place a person states a parameter of the step."""
     asked = ask_person(step, drafting, question, sentence=question, locks=(vessel,))
-    states = Statement(
+    states = LotStatement(
         field=parameter.name,
         label=parameter.label,
         resource_id=vessel,

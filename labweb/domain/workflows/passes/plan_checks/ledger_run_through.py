@@ -23,7 +23,7 @@ from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import Contents, LotId, add, remove, total_nl
 from labweb.domain.units import render_volume
 from labweb.domain.workflows.passes.drafted_jobs import DraftJob, DraftStep, MassCheck
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.liquids.empty_syringe import syringe_empty
 from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 from labweb.domain.workflows.workflow_file import Step
@@ -52,10 +52,10 @@ _AMOUNTS = frozenset({"crutd.insufficient_volume", "crutd.capacity_exceeded"})
 _DONE = Outcome(kind=OutcomeKind.DONE)
 
 
-class Ledger:
+class ForecastLedger:
     """The contents of the lab as they will be, job after job."""
 
-    def __init__(self, view: LabView) -> None:
+    def __init__(self, view: PlannerView) -> None:
         """Start from the state of the lab."""
         self._view = view
         self._states: dict[UUID, ResourceState] = dict(view.snapshot)

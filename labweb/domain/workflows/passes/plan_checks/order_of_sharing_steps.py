@@ -9,7 +9,7 @@ from uuid import UUID
 from labweb.domain.crutd.operations import TransferResource, touched_ids
 from labweb.domain.errors import Finding
 from labweb.domain.workflows.passes.drafted_jobs import DraftStep
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 from labweb.domain.workflows.workflow_file import Step
 
@@ -48,7 +48,7 @@ class _Group:
 def check_order(
     drafts: Sequence[DraftStep],
     earlier: Mapping[str, frozenset[str]],
-    view: LabView,
+    view: PlannerView,
     drawn: Sequence[str],
 ) -> list[Finding]:
     """List the groups of steps that use the same thing with no order among them.
@@ -86,7 +86,7 @@ def check_order(
 
 
 def _groups(
-    drafts: Sequence[DraftStep], earlier: Mapping[str, frozenset[str]], view: LabView
+    drafts: Sequence[DraftStep], earlier: Mapping[str, frozenset[str]], view: PlannerView
 ) -> list[_Group]:
     """Return the steps without an order by what they share, the largest groups first."""
     ordered = _ordered([draft.step.id for draft in drafts], earlier)
@@ -105,7 +105,7 @@ def _groups(
     return found
 
 
-def _uses(drafts: Sequence[DraftStep], view: LabView) -> dict[UUID, _Use]:
+def _uses(drafts: Sequence[DraftStep], view: PlannerView) -> dict[UUID, _Use]:
     uses: dict[UUID, _Use] = {}
     touched = [_touched(draft) for draft in drafts]
     for place, ids in enumerate(touched):
@@ -151,7 +151,7 @@ def _bits(bits: int) -> Iterator[int]:
 
 
 def _finding(
-    group: _Group, ids: Sequence[str], called: Mapping[str, str], view: LabView
+    group: _Group, ids: Sequence[str], called: Mapping[str, str], view: PlannerView
 ) -> Finding:
     steps = [ids[place] for place in _bits(group.steps)]
     names = sorted({view.names.get(str(thing), str(thing)) for thing in group.things})

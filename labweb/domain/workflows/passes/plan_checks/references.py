@@ -6,7 +6,7 @@ from uuid import UUID
 
 from labweb.domain.errors import Finding
 from labweb.domain.resources.resource_kinds import KINDS
-from labweb.domain.workflows.passes.lab_view import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.unit_operations.step_palette import (
     STEP_KINDS,
     ParameterSort,
@@ -15,7 +15,7 @@ from labweb.domain.workflows.unit_operations.step_palette import (
 from labweb.domain.workflows.workflow_file import Step
 
 
-def check_references(step: Step, view: LabView) -> list[Finding]:
+def check_references(step: Step, view: PlannerView) -> list[Finding]:
     """List every resource a step names that is not there or is of the wrong sort."""
     findings = []
     for parameter in STEP_KINDS[step.kind].parameters:
@@ -30,7 +30,7 @@ def check_references(step: Step, view: LabView) -> list[Finding]:
     return findings
 
 
-def _problem(parameter: StepParameter, value: str, view: LabView) -> tuple[str, str] | None:
+def _problem(parameter: StepParameter, value: str, view: PlannerView) -> tuple[str, str] | None:
     if value.startswith("@"):
         return _wrong(
             "protocol.unresolved_key", f"{value} is a template's name: say which resource it is"
