@@ -51,7 +51,7 @@ def owed_halt_holds_nothing(patch: Patch) -> None:
             inner.setattr("tests.simulation.memory.state_of", state_of)
             return real_decide(tx, row, *rest)
 
-    patch.setattr(action_execution, "decide_now", settlement)
+    patch.setattr(action_execution, "decide_now", decide)
 
 
 def refused_halt_counts(patch: Patch) -> None:
