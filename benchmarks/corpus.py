@@ -27,16 +27,16 @@ from benchmarks.corpus_pairs import Pair, find_pairs, find_traces
 from benchmarks.corpus_run import Ran, run_on_lab
 from benchmarks.corpus_volumes import Compared, compare, nodes_of, of_events, read_trace
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.rig.lab import render_graph
-from labweb.domain.graph.rig.read import read_rig, unpacked
-from labweb.domain.recipes.opening import Asked, workflow_from
-from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
-from labweb.domain.recipes.xdl.recipe import Recipe, Step
-from labweb.domain.workflows.compile import compile_workflow
-from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
-from labweb.domain.workflows.proving import Proof, prove_plan
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.rig.lab_as_rig import render_graph
+from labweb.domain.graph.rig.rig_read import read_rig, unpacked
+from labweb.domain.recipes.compile_recipe_file import digest, plan_recipe, read_recipe
+from labweb.domain.recipes.recipe_preview import PreviewAsked, workflow_from
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe, XdlStep
+from labweb.domain.workflows.compile_workflow import compile_workflow
+from labweb.domain.workflows.passes.lab_view import PlannerView
+from labweb.domain.workflows.plan_proof.prove_workflow import WorkflowProof, prove_plan
+from labweb.domain.workflows.workflow_file import parse_workflow, resolve_keys
 
 _UNPROVED = "plan.not_proved"
 
@@ -164,9 +164,9 @@ def _plan(pair: Pair, recipe: Recipe) -> dict[str, Any]:
     return plan_recipe(recipe, read_rig(graph), wish, asked.head(digest(graph))).plan
 
 
-def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> Asked:
+def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> PreviewAsked:
     declared = pair.declared()
-    return Asked(
+    return PreviewAsked(
         name=pair.recipe.stem,
         recipe=pair.recipe.read_bytes(),
         graph=pair.rig.read_bytes(),
@@ -175,7 +175,7 @@ def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> Asked:
     )
 
 
-def on_lab(pair: Pair, plan: Mapping[str, Any], recipe: Recipe) -> tuple[LabFile, Asked]:
+def on_lab(pair: Pair, plan: Mapping[str, Any], recipe: Recipe) -> tuple[LabFile, PreviewAsked]:
     """Return the lab of a rig as a person has filled it, and the recipe as it is opened there.
 
     Raises:
@@ -213,7 +213,7 @@ def _bound(plan: Mapping[str, Any], recipe: Recipe) -> dict[str, str]:
     return found | {lot: key for lot, key in jars_of(plan).items() if lot in declared}
 
 
-def _proved(document: dict[str, Any], view: LabView) -> Proof:
+def _proved(document: dict[str, Any], view: PlannerView) -> WorkflowProof:
     workflow = resolve_keys(parse_workflow(document), view.tree)
     proof = prove_plan(workflow, compile_workflow(workflow, view), view)
     proof.require()
@@ -244,7 +244,7 @@ def _steps_of(recipe: Recipe | None) -> dict[str, str]:
     return lines | {str(step.place): step.name for step in steps}
 
 
-def _all(steps: Iterable[Step]) -> Iterator[Step]:
+def _all(steps: Iterable[XdlStep]) -> Iterator[XdlStep]:
     for step in steps:
         yield step
         yield from _all(step.children)

@@ -10,15 +10,15 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.graph.lab_file.bindings import Binding, read_binding
-from labweb.domain.graph.lab_file.model import LabFile, Lot, Material, entry_id
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import BindingFile, read_binding
+from labweb.domain.graph.lab_file.lab_model import LabFile, LabFileLot, LabFileMaterial, entry_id
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Format, LabDocument
 from labweb.domain.resources.contents import LotId, Phase, total_nl
-from labweb.domain.resources.kinds import Nature
-from labweb.domain.resources.node import Resource
-from labweb.domain.workflows.first_day import view_of_file
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import Nature
+from labweb.domain.workflows.passes.lab_view import PlannerView
+from labweb.domain.workflows.view_of_lab_file import view_of_file
 from tests.domain.workflows.station import specs
 
 ROOT = Path(__file__).parents[1]
@@ -27,7 +27,7 @@ _EVAPORATOR_UL = 1_000_000
 
 
 @cache
-def _binding(format_: Format) -> Binding:
+def _binding(format_: Format) -> BindingFile:
     return read_binding((ROOT / f"fixtures/bindings/{format_.value}.json").read_bytes())
 
 
@@ -42,7 +42,7 @@ def lab_of(raw: bytes, name: str, plan: Mapping[str, Any]) -> LabFile:
     Raises:
         LabFileError: The graph cannot be read, or is no lab.
     """
-    document = Document(raw, name)
+    document = LabDocument(raw, name)
     if document.format is Format.LABWEB:
         lab = document.read()
     else:
@@ -87,7 +87,7 @@ def _stands_on_an_evaporator(one: Resource, lab: LabFile) -> bool:
     return one.parent_id is not None and lab.tree.find(one.parent_id).kind == "rotary_evaporator"
 
 
-def view_of(lab: LabFile) -> LabView:
+def view_of(lab: LabFile) -> PlannerView:
     """Return what the planner sees of a lab on its first day."""
     return view_of_file(lab, specs(), on=DAY)
 
@@ -118,10 +118,12 @@ def _put_jar(lab: LabFile, name: str, jar: str, plan: Mapping[str, Any]) -> LabF
     )
     materials = {one.key: one for one in lab.materials}
     material = materials.get(
-        name, Material(id=entry_id(lab.id, "material", name), key=name, name=name)
+        name, LabFileMaterial(id=entry_id(lab.id, "material", name), key=name, name=name)
     )
     key = f"{jar}/{name}"
-    lot = Lot(id=entry_id(lab.id, "lot", key), key=key, material_id=material.id, phase=Phase.SOLID)
+    lot = LabFileLot(
+        id=entry_id(lab.id, "lot", key), key=key, material_id=material.id, phase=Phase.SOLID
+    )
     return replace(
         lab,
         resources=(*lab.resources, new),
@@ -153,10 +155,10 @@ def _filled(plan: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
 def _fill(lab: LabFile, name: str, vessel: str, volume_ul: float) -> LabFile:
     """Put a new lot of a material into a vessel."""
     known = {one.key: one for one in lab.materials}
-    new = Material(id=entry_id(lab.id, "material", name), key=name, name=name)
+    new = LabFileMaterial(id=entry_id(lab.id, "material", name), key=name, name=name)
     material = known.get(name, new)
     key = f"{vessel}/{name}/{len(lab.lots)}"
-    lot = Lot(id=entry_id(lab.id, "lot", key), key=key, material_id=material.id)
+    lot = LabFileLot(id=entry_id(lab.id, "lot", key), key=key, material_id=material.id)
     place = lab.tree.by_key[vessel].id
     held = {**lab.contents.get(place, {}), LotId(str(lot.id)): round(volume_ul * 1000)}
     # A person who fills in more than a flask takes brings a larger one.

@@ -20,8 +20,8 @@ from typing import Any
 import httpx
 
 from benchmarks.corpus_person import stated
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.render import render_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
 from tests.system.stack import Client, Stack, is_over, running
 
 _ONLINE_WITHIN_S = 120.0

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.corpus_pairs import Pair
-from labweb.domain.graph.rig.read import read_rig, unpacked
+from labweb.domain.graph.rig.rig_read import read_rig, unpacked
 
 Nodes = Mapping[str, Mapping[str, Any]]
 """Key of a node of the rig → what its file says of it, with its `class`."""

@@ -23,7 +23,9 @@ import msgspec
 from celery import Celery
 
 from drivers.load import read_spec
-from labweb.domain.messages import Cancel, DeviceConfig, Do, EdgeEvent, ResourceView
+from labweb.domain.messages.commands import Cancel, Do, ResourceView
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import EdgeEvent
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import ROOT, SPACE, Server
 from workers.base.celery_apps import ACCEPT, post

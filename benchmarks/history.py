@@ -19,7 +19,7 @@ from django.db.transaction import atomic
 from labweb.crutd.models import EventHead
 from labweb.crutd.selectors.event_chain import event_hash, first_broken_event
 from labweb.crutd.selectors.ledger_verification import ledger_violations
-from labweb.domain.messages import canonical
+from labweb.domain.canonical_json import canonical
 from labweb.resources.selectors import Lab, Lot
 
 DEPTH = 50

@@ -10,7 +10,7 @@ from django.db import connection
 from django.db.transaction import atomic
 
 from labweb.crutd import services
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.resources.models import Resource
 from labweb.resources.selectors import Lab
 

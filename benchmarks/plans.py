@@ -16,11 +16,11 @@ from typing import Any
 import rustworkx
 
 from benchmarks.figures import Figure, report
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.workflows.compile import compile_workflow
-from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.workflows.compile_workflow import compile_workflow
+from labweb.domain.workflows.passes.lab_view import PlannerView
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
+from labweb.domain.workflows.workflow_file import Workflow, parse_workflow, resolve_keys
 from tests.domain.workflows import station
 
 TRANSFERS_COUNT = 50
@@ -49,7 +49,7 @@ def figures() -> Iterator[Figure]:
     yield from _of(name, longest, station.station(), LONGEST_MS)
 
 
-def _of(name: str, workflow: Workflow, view: LabView, limit: float) -> Iterator[Figure]:
+def _of(name: str, workflow: Workflow, view: PlannerView, limit: float) -> Iterator[Figure]:
     plan = compile_workflow(workflow, view)
     proof = prove_plan(workflow, plan, view)
     if proof.findings or proof.beyond:
@@ -62,7 +62,7 @@ def _of(name: str, workflow: Workflow, view: LabView, limit: float) -> Iterator[
     yield Figure(name=f"{name}: planned and proved", value=planned + proved, unit="ms", limit=limit)
 
 
-def _row(size: int, view: LabView) -> Workflow:
+def _row(size: int, view: PlannerView) -> Workflow:
     """Return transfers one after another, to and fro, so that nothing runs dry or over."""
     steps: list[dict[str, Any]] = []
     for place in range(size):
@@ -78,7 +78,7 @@ def _row(size: int, view: LabView) -> Workflow:
     return resolve_keys(parse_workflow(document), view.tree)
 
 
-def _paths(size: int, view: LabView) -> Callable[[], object]:
+def _paths(size: int, view: PlannerView) -> Callable[[], object]:
     graph: rustworkx.PyGraph[object, None] = rustworkx.PyGraph()
     places = {one.id: graph.add_node(one.id) for one in view.tree.resources}
     for tube in view.graph.connections:

@@ -26,7 +26,7 @@ from benchmarks import peers
 from benchmarks.edge import START_S, Host, a_broker, wait_for
 from benchmarks.figures import Figure, fsync_ms, report
 from benchmarks.processor import processor_s
-from labweb.domain.messages import EdgeEvent
+from labweb.domain.messages.events import EdgeEvent
 from tests.workers.bench import ROOT
 
 STEPS_COUNT = 200

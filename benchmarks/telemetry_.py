@@ -32,7 +32,9 @@ from benchmarks.edge import a_broker, wait_for
 from benchmarks.figures import Figure, Options, p95_ms
 from benchmarks.memory import Memory, pid_of
 from labweb.common import signing
-from labweb.domain.messages import Heartbeat, ServerFrame, TelemetryTaken
+from labweb.domain.messages.frames import ServerFrame
+from labweb.domain.messages.session import Heartbeat
+from labweb.domain.messages.telemetry import TelemetryTaken
 from labweb.enrollment import services as enrollment_services
 from labweb.telemetry.models import Gap, Mark, Rollup, Sample
 from tests.builders import Bench, Edge, a_lab

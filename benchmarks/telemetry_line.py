@@ -18,7 +18,7 @@ import msgspec
 
 from drivers.base import Driver, status
 from drivers.transports.virtual import VirtualTransport
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.base.system_clock import HostClock
 from workers.base.valkey_store import ValkeyStore
 from workers.line.device_unit import DeviceUnit

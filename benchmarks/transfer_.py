@@ -18,8 +18,8 @@ from benchmarks.labs import a_lab, grow
 from labweb.accounts.selectors import User
 from labweb.crutd import services
 from labweb.crutd.services import Settlement
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.resources.selectors import Lab
 
 MOST_QUERIES = 13

@@ -22,10 +22,10 @@ from statistics import median
 from typing import Any
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.elements import Role
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.rig_transfers import compile_line
+from labweb.domain.graph.elements import ElementRole
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.transfers_on_rig import compile_line
 
 LIMITS_MS = {"35 nodes": 1.0, "1000 valves": 10.0}
 VOLUMES = ("0.1 mL", "10 mL", "60 mL")
@@ -57,7 +57,7 @@ def backbone(valves: int) -> dict[str, Any]:
 
 
 def _pairs(rig: Rig, count: int) -> list[tuple[str, str]]:
-    vessels = [e.key for e in rig.network.elements if e.role is Role.VESSEL]
+    vessels = [e.key for e in rig.network.elements if e.role is ElementRole.VESSEL]
     chance = random.Random(6)
     return [tuple(chance.sample(vessels, 2)) for _ in range(count)]  # type: ignore[misc]
 
@@ -123,7 +123,7 @@ def counts(folder: Path) -> Counter[str]:
         if not any(tube.medium.value == "liquid" for tube in rig.tubes):
             continue
         found["graphs"] += 1
-        vessels = [e.key for e in rig.network.elements if e.role is Role.VESSEL]
+        vessels = [e.key for e in rig.network.elements if e.role is ElementRole.VESSEL]
         for source in vessels:
             for target in vessels:
                 for volume in VOLUMES if source != target else ():

@@ -27,7 +27,7 @@ from drivers.transports.base import Transport
 from labweb.domain.errors import DefinitionError, DeviceError, Effect, LabError
 
 if TYPE_CHECKING:
-    from labweb.domain.enrollment.spec import DriverSpec
+    from labweb.domain.enrollment.driver_spec import DriverSpec
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 TransportT = TypeVar("TransportT", bound=Transport)

@@ -24,8 +24,8 @@ from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import inspect_bundle, inspect_file
 from drivers.readback import reading_back
 from drivers.transports.base import Transport
-from labweb.domain.enrollment.kept import kept_by
-from labweb.domain.enrollment.spec import DriverSpec, check_arguments, check_config
+from labweb.domain.enrollment.driver_spec import DriverSpec, check_arguments, check_config
+from labweb.domain.enrollment.setpoint_readback import kept_by
 from labweb.domain.errors import (
     ConformanceError,
     DefinitionError,

@@ -1,8 +1,8 @@
 """Reads back what an action has set, while it waits for it or holds it.
 
 A driver declares nothing for it beyond its statuses: what an action sets, and by which status one
-sees it, are words of its role (`labweb.domain.enrollment.kept`). Every wait of a driver passes
-`Driver.pause`, and there the device is asked.
+sees it, are words of its role (`labweb.domain.enrollment.setpoint_readback`). Every wait of a
+driver passes `Driver.pause`, and there the device is asked.
 """
 
 from __future__ import annotations
@@ -13,7 +13,13 @@ from contextlib import contextmanager
 from typing import Any
 
 from drivers.base import Driver
-from labweb.domain.enrollment.kept import LOOK_S, Kept, Seen, Sort, look
+from labweb.domain.enrollment.setpoint_readback import (
+    LOOK_S,
+    KeptReading,
+    ReadbackVerdict,
+    Seen,
+    look,
+)
 from labweb.domain.errors import DeviceError
 
 SHORTEST_S = 0.1
@@ -36,7 +42,7 @@ Of these the progress of the reading alone is watched (`drivers.waiting`)."""
 
 @contextmanager
 def reading_back(
-    driver: Driver[Any, Any], kept: Sequence[Kept], read: Callable[[str], Any]
+    driver: Driver[Any, Any], kept: Sequence[KeptReading], read: Callable[[str], Any]
 ) -> Iterator[None]:
     """Read back inside what has to stay; a wait of the driver raises what is gone.
 
@@ -59,7 +65,7 @@ class _Looking:
     """Looks once in a while, on the thread of the action alone."""
 
     def __init__(
-        self, driver: Driver[Any, Any], kept: Sequence[Kept], read: Callable[[str], Any]
+        self, driver: Driver[Any, Any], kept: Sequence[KeptReading], read: Callable[[str], Any]
     ) -> None:
         self._driver = driver
         self._read = read
@@ -88,10 +94,10 @@ class _Looking:
                 raise lost(kept, value)
 
 
-def lost(kept: Kept, value: Any) -> DeviceError:  # noqa: ANN401 - as the device tells it
+def lost(kept: KeptReading, value: Any) -> DeviceError:  # noqa: ANN401 - as the device tells it
     """Return the error of what is gone."""
     return DeviceError(
         kept.reason(value),
-        code="device.stalled" if kept.sort is Sort.MOTION else "device.setpoint_lost",
+        code="device.stalled" if kept.sort is ReadbackVerdict.MOTION else "device.setpoint_lost",
         context={"status": kept.status, "asked": kept.asked, "found": value},
     )

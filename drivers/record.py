@@ -28,7 +28,7 @@ from drivers.transports.base import ByteTransport, Transport
 from drivers.transports.replay import Recording, render_transcript
 from drivers.transports.tapes import RecordingTape, has_words, taped
 from drivers.transports.urls import make_transport
-from labweb.domain.enrollment.spec import DriverSpec, check_arguments, check_config
+from labweb.domain.enrollment.driver_spec import DriverSpec, check_arguments, check_config
 from labweb.domain.errors import DefinitionError, Finding, LabError
 
 ACTION_ID = "00000000-0000-7000-8000-000000000000"

@@ -23,7 +23,7 @@ from drivers.record import ACTION_ID, Call, make_call, read_calls
 from drivers.transports.base import Transport
 from drivers.transports.replay import ReplayTransport, TranscriptMismatchError, parse_transcript
 from drivers.transports.tapes import PlayingTape, has_words, taped
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import DefinitionError, Finding, LabError
 
 LEAST = 2

@@ -18,13 +18,15 @@ from django.db.models import Q
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
-from labweb.domain.crutd import decide, operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind, ResourceState
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.messages import Do, EdgeEvent, Hello, Resolve, event_hash, hello_bytes
+from labweb.domain.crutd import operations, settlement
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind, ResourceState
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.messages.commands import Do, Resolve
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.messages.session import Hello, hello_bytes
 from labweb.domain.resources.contents import LotId
-from labweb.domain.runs import edge
+from labweb.domain.runs.host_journal import action_states as edge
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.enrollment.services import CatalogDriver
@@ -290,7 +292,7 @@ class Edge:
             )
             for view in do.resources
         }
-        change = decide.settle(operations.from_json(do.operation), states, outcome)
+        change = settlement.settle(operations.from_json(do.operation), states, outcome)
         changed = {str(i) for i in crutd_services.transactions.changed_ids(change)}
         return {
             "change": change.to_json(),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.resource_kinds import is_vessel
 from twin.frames import Vector
 from twin.state import Resource
 

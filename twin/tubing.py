@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.resource_kinds import is_vessel
 from twin.frames import Frame, Vector, rotate
 from twin.meshes import Form, axis_of, inside_of, syringe_axis
 

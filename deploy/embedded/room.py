@@ -1,7 +1,7 @@
 """How much room the disk under a data directory has, and what is said about it.
 
-The same levels as the page shows, by the same variables; `labweb.domain.disk` has the rule for
-the server and its hosts.
+The same levels as the page shows, by the same variables; `labweb.domain.disk_space` has the rule
+for the server and its hosts.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, StatusSpec
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, StatusSpec
 from labweb.domain.errors import Finding
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from drivers.browse.browsed import Browsed, NodeBinding, sealed, snake
 from drivers.transports.opcua.nodes import MethodArgument, Node, NodeName, Variable
 from drivers.transports.opcua.transport import OpcUaTransport
-from labweb.domain.enrollment.spec import (
+from labweb.domain.enrollment.driver_spec import (
     UNITS,
     ActionSpec,
     DriverSpec,

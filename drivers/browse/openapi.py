@@ -17,7 +17,7 @@ import msgspec
 
 from drivers.browse.browsed import Browsed, Collected, NodeBinding, snake
 from drivers.transports.http import HttpTransport
-from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, StatusSpec
+from labweb.domain.enrollment.driver_spec import ActionSpec, ParameterSpec, StatusSpec
 from labweb.domain.errors import DefinitionError, NotFoundError
 
 FETCH_S = 10.0

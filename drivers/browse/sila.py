@@ -11,7 +11,13 @@ from collections.abc import Mapping
 from drivers.browse.browsed import Browsed, Collected, NodeBinding, snake
 from drivers.transports.sila.features import CORE, Feature, FeatureCommand, UnitConversion, Value
 from drivers.transports.sila.transport import SilaTransport
-from labweb.domain.enrollment.spec import UNITS, ActionSpec, JsonType, ParameterSpec, StatusSpec
+from labweb.domain.enrollment.driver_spec import (
+    UNITS,
+    ActionSpec,
+    JsonType,
+    ParameterSpec,
+    StatusSpec,
+)
 
 SORTS: Mapping[str, JsonType] = {
     "Real": "number",

@@ -17,7 +17,7 @@ import msgspec
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import Catalog, scan, scan_text
 from drivers.catalog.source import MAX_SOURCE_BYTES
-from labweb.domain.enrollment.spec import (
+from labweb.domain.enrollment.driver_spec import (
     AccuracySpec,
     ActionSpec,
     DriverSpec,

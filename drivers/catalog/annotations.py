@@ -11,7 +11,7 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.enrollment.spec import (
+from labweb.domain.enrollment.driver_spec import (
     UNITS,
     AccuracySpec,
     JsonType,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import cache
 
 from drivers.catalog.source import Source, path_of, read_source
-from labweb.domain.enrollment.bundle import MAX_MODULES, digest_of, is_shared
+from labweb.domain.enrollment.driver_bundle import MAX_MODULES, digest_of, is_shared
 from labweb.domain.errors import ConformanceError
 
 Reader = Callable[[str], Source]

@@ -25,7 +25,7 @@ from drivers.catalog.inspect import (
 )
 from drivers.catalog.marks import marks, timeouts
 from drivers.catalog.source import Source
-from labweb.domain.enrollment.spec import UNITS, unit_suffix
+from labweb.domain.enrollment.driver_spec import UNITS, unit_suffix
 from labweb.domain.errors import Finding
 
 QUALITIES = ("bronze", "silver", "gold")

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from drivers.catalog.bundle import read_installed
 from drivers.catalog.source import Source
-from labweb.domain.enrollment.bundle import is_shared
+from labweb.domain.enrollment.driver_bundle import is_shared
 from labweb.domain.errors import ConformanceError, Finding
 
 FORBIDDEN_MODULES = frozenset(

@@ -20,7 +20,7 @@ from drivers.catalog.annotations import (
 )
 from drivers.catalog.source import PACKAGE as PACKAGE
 from drivers.catalog.source import Source, read_source
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
 
 LIFECYCLE = frozenset(
     {"connect", "close", "stop", "clear_stop", "identify", "halt", "pause", "rest"}

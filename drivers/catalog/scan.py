@@ -11,8 +11,8 @@ from drivers.catalog.bundle import Reader, digest_for, gather, read_installed
 from drivers.catalog.conformance import check_driver, check_module
 from drivers.catalog.inspect import PACKAGE, build_spec, device_classes, read_class
 from drivers.catalog.source import Source, check_words, parse_source, read_source
-from labweb.domain.enrollment.bundle import CLASSES, is_model
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_bundle import CLASSES, is_model
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import ConformanceError, Finding
 
 MAX_FILES = 2000

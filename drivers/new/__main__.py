@@ -15,7 +15,7 @@ from drivers.catalog.inspect import PACKAGE
 from drivers.new.order import CARRIERS, DriverOrder, take_order
 from drivers.new.role import role_names
 from drivers.new.write import write_order
-from labweb.domain.enrollment.bundle import CLASSES
+from labweb.domain.enrollment.driver_bundle import CLASSES
 from labweb.domain.errors import DefinitionError
 
 REFUSED = 2

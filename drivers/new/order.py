@@ -9,7 +9,7 @@ from pathlib import Path
 
 from drivers.catalog.inspect import known_interfaces
 from drivers.new.role import DriverRole, read_role, role_names
-from labweb.domain.enrollment.bundle import CLASSES
+from labweb.domain.enrollment.driver_bundle import CLASSES
 from labweb.domain.errors import DefinitionError, Finding
 
 CARRIERS = {"serial": "pty", "tcp": "tcp"}

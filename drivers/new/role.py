@@ -18,7 +18,7 @@ from drivers.catalog.inspect import (
 from drivers.catalog.scan import scan
 from drivers.catalog.source import read_source
 from drivers.new.ranges_table import AT_FIRST, RANGES, TOLERANCE
-from labweb.domain.enrollment.spec import DriverSpec, Operation, unit_suffix
+from labweb.domain.enrollment.driver_spec import DriverSpec, Operation, unit_suffix
 from labweb.domain.errors import DefinitionError
 
 Span = tuple[float, float, float]

@@ -6,7 +6,7 @@ from datetime import datetime
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
 
 
 class AccessTokenRow(ApiAnswer):

@@ -22,7 +22,7 @@ from labweb.accounts.selectors import User, user_of
 from labweb.accounts.selectors.access_tokens import AccessToken
 from labweb.common.answers import AnswerRenderer, ApiAnswer
 from labweb.common.requests import Parameter, check_query
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
 from labweb.domain.errors import ForbiddenError, LabError, LockedError
 
 ACTING = frozenset({"post", "put", "patch", "delete"})

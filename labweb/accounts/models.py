@@ -7,7 +7,7 @@ from django.db import models
 
 from labweb.common.clock import new_id
 from labweb.common.models import Base, enum_choices
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
 
 
 class User(AbstractUser):

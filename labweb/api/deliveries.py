@@ -22,7 +22,7 @@ from labweb.api.answers.deliveries import DeliveredLot, DeliveredLots
 from labweb.api.parsers import MAX_BODY_BYTES, StrictJSONParser, TooLargeError
 from labweb.common.requests import body
 from labweb.crutd import services as crutd_services
-from labweb.domain.crutd.deliveries import read_deliveries
+from labweb.domain.crutd.delivery_table import read_deliveries
 from labweb.domain.errors import ForbiddenError
 from labweb.resources import selectors as resource_selectors
 

@@ -34,13 +34,13 @@ from labweb.common.answers import NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import Nothing, body
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.disk import Level
-from labweb.domain.enrollment.admission import shows_itself
-from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
-from labweb.domain.runs.halt_state import HaltState
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.session import SessionState
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.disk_space import DiskRoomLevel
+from labweb.domain.enrollment.admitted_interface import shows_itself
+from labweb.domain.enrollment.driver_spec import UNITS, DriverSpec, StatusSpec
+from labweb.domain.runs.halts.halt_progress import HaltState
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -225,7 +225,7 @@ def _disk(row: EdgeHost) -> HostDisk | None:
         return None
     floors = disk.floors()
     level = found.level(floors)
-    told = "" if level is Level.OK else f"{found.headline()}. {found.consequence(floors)}"
+    told = "" if level is DiskRoomLevel.OK else f"{found.headline()}. {found.consequence(floors)}"
     return HostDisk(
         free_bytes=found.free_bytes, level=msgspec.convert(level.value, DiskLevel), text=told
     )

@@ -19,9 +19,9 @@ from labweb.api.answers.drivers import (
     NextDriver,
 )
 from labweb.common.answers import KeyedRef
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import selectors
 from labweb.enrollment.selectors import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors

@@ -44,9 +44,9 @@ from labweb.common.answers import KeyedRef
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import body
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.changes import compare
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.driver_source_diff import compare
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import ForbiddenError
 from labweb.enrollment import selectors
 from labweb.enrollment import services as enrollment_services

@@ -22,7 +22,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import disk
 from labweb.domain import errors
-from labweb.domain.disk import ADVICE, Level
+from labweb.domain.disk_space import ADVICE, DiskRoomLevel
 
 logger = logging.getLogger(__name__)
 
@@ -138,13 +138,15 @@ def _failed(error: BaseException | None, method: str, path: str) -> tuple[dict[s
 
 def is_short_of_room(error: BaseException | None) -> bool:
     """Tell whether a failure comes of a full disk: it says so, or what is away lies on one."""
-    return disk.is_about_disk(error) or (isinstance(error, AWAY) and disk.level() is Level.FULL)
+    return disk.is_about_disk(error) or (
+        isinstance(error, AWAY) and disk.level() is DiskRoomLevel.FULL
+    )
 
 
 def _full_disk() -> str:
     """Say which disk it is, as far as anybody knows here, and what to do."""
     here = disk.server_disk()
-    if here is not None and here.level(disk.floors()) is Level.FULL:
+    if here is not None and here.level(disk.floors()) is DiskRoomLevel.FULL:
         return f"{here.headline()}. {ADVICE} The server then goes on by itself"
     return "the disk of the database or the broker is full: free some space there"
 

@@ -21,9 +21,9 @@ from labweb.common import disk
 from labweb.common.reading import one_moment
 from labweb.common.requests import Parameter
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.disk import Level
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.disk_space import DiskRoomLevel
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.units import render_volume
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
@@ -65,10 +65,10 @@ def _home(user: User) -> HomePage:
     may_admit = Permission.ADMIT in permissions_of(user)
     return HomePage(
         needs_you=[
-            *_short_disks(hosts, Level.FULL),
+            *_short_disks(hosts, DiskRoomLevel.FULL),
             *_needs(lab, runs, candidates if may_admit else [], seen),
             *(_newcomers(lab) if may_admit else ()),
-            *_short_disks(hosts, Level.LOW),
+            *_short_disks(hosts, DiskRoomLevel.LOW),
         ],
         running=render_rows(runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]),
         last_results=render_rows(
@@ -132,7 +132,7 @@ def _needs(
         )  # fmt: skip
 
 
-def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[HomeNeed]:
+def _short_disks(hosts: Iterable[EdgeHost], level: DiskRoomLevel) -> Iterator[HomeNeed]:
     """Disks of the server and of hosts that stand so, before anything fails for want of room."""
     floors, server = disk.floors(), disk.server_disk()
     told = enrollment_selectors.disks_of(hosts)

@@ -20,10 +20,10 @@ from labweb.api.answers.devices import (
 )
 from labweb.api.devices import device_rows, host_rows
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.runs.custody import CustodyState
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.session import MAY_BE_FENCED, SessionState
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
+from labweb.domain.runs.host_link.host_session import MAY_BE_FENCED, SessionState
+from labweb.domain.runs.states.job_states import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors

@@ -24,7 +24,7 @@ from labweb.api.token_sign_in import bearer_of, caller_of, token_of
 from labweb.common.buckets import Rate
 from labweb.common.feed import GROUP
 from labweb.common.sockets import CLOSE_TOO_BIG, BoundedConsumer
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

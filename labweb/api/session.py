@@ -27,7 +27,7 @@ from labweb.api.answers.session import (
 from labweb.api.sign_in import Place, closed_words, remember
 from labweb.common import sessions
 from labweb.common.requests import body
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors as run_selectors

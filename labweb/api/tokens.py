@@ -16,8 +16,8 @@ from labweb.accounts.selectors import User, access_tokens, user_of
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.requests import Parameter, body, one_of
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.tokens import AccessScope, is_valid
+from labweb.domain.approvals.access_tokens import AccessScope, is_valid
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import ForbiddenError
 from labweb.resources import selectors as resource_selectors
 

@@ -30,9 +30,9 @@ from labweb.approvals.selectors import Tryout, TryoutAct
 from labweb.common.answers import NamedRef
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
-from labweb.domain.enrollment.tryout import FASTEST, labelled
+from labweb.domain.enrollment.driver_tryout import FASTEST, labelled
 from labweb.domain.errors import NotFoundError
-from labweb.domain.messages.tryouts import AskSort
+from labweb.domain.messages.driver_tryouts import AskSort
 
 
 class DriverTryouts(Endpoint):

@@ -31,7 +31,7 @@ from labweb.api.twin_dress import dress
 from labweb.api.twin_feed import find_alive
 from labweb.common.buckets import Rate
 from labweb.common.sockets import BoundedConsumer
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.resources import selectors as resource_selectors
 

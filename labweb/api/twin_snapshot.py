@@ -7,8 +7,8 @@ from typing import Any
 
 from labweb.api.devices import device_rows
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.graph.topology import Medium
-from labweb.domain.runs.job import AT_EDGE, JobState
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.runs.states.job_states import AT_EDGE, JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Connection, Lab, Resource

@@ -14,7 +14,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import user_by_id
 from labweb.approvals.models import ApprovalRequest, Decision, Policy
 from labweb.common.admin import ReadOnly
-from labweb.domain.approvals.policy import parse_rule
+from labweb.domain.approvals.approval_policy import parse_rule
 
 
 class PolicyForm(forms.ModelForm):  # type: ignore[type-arg] # no generic at run time

@@ -18,11 +18,20 @@ from labweb.approvals.models import Tryout as Tryout
 from labweb.approvals.models import TryoutAct as TryoutAct
 from labweb.common.clock import now
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.enrollment.tryout import SILENT_S, STARTS_S, Act, Tried, fitting, tried
+from labweb.domain.canonical_json import canonical
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.enrollment.driver_tryout import (
+    SILENT_S,
+    STARTS_S,
+    AnsweredWish,
+    Tried,
+    fitting,
+    tried,
+)
 from labweb.domain.errors import Finding, NotFoundError
-from labweb.domain.messages import Countersigned, SimulatedModel, canonical
-from labweb.domain.runs.session import SessionState
+from labweb.domain.messages.chain_heads import Countersigned
+from labweb.domain.messages.driver_tryouts import SimulatedModel
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment.selectors import DriverVersion, EdgeHost
 from labweb.resources.selectors import Lab
 
@@ -266,6 +275,6 @@ def tried_of(version: DriverVersion) -> Tried:
 _ACT = ("sort", "name", "code", "has_faults", "data")
 
 
-def _act(row: TryoutAct) -> Act:
+def _act(row: TryoutAct) -> AnsweredWish:
     is_ok = not row.code and not row.data.get("problems")
-    return Act(sort=row.sort, name=row.name, is_ok=is_ok, has_faults=row.has_faults)
+    return AnsweredWish(sort=row.sort, name=row.name, is_ok=is_ok, has_faults=row.has_faults)

@@ -33,7 +33,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from django.conf import settings
 
 from labweb.common.clock import now
-from labweb.domain.enrollment.join import CERTIFICATE_S, SERVER_NAME
+from labweb.domain.enrollment.host_join import CERTIFICATE_S, SERVER_NAME
 from labweb.domain.errors import EnrollmentError
 
 _LIVES = timedelta(days=20 * 365)

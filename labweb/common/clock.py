@@ -13,14 +13,14 @@ from functools import cache
 from pathlib import Path
 from uuid import UUID
 
-from labweb.domain.messages import Tick
-from labweb.domain.runs.clocks import Happened
+from labweb.domain.messages.commands import Tick
+from labweb.domain.runs.host_link.host_clocks import Happened
 
 _told: ContextVar[Happened | None] = ContextVar("told", default=None)
 
 
 class SystemClock:
-    """`labweb.domain.ports.Clock` on this machine."""
+    """`labweb.domain.clock_and_ids.Clock` on this machine."""
 
     def now_s(self) -> float:
         """Return seconds since the Unix epoch."""

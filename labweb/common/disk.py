@@ -11,7 +11,7 @@ from pathlib import Path
 from django.conf import settings
 from redis.exceptions import ResponseError
 
-from labweb.domain.disk import Disk, Floors, Level
+from labweb.domain.disk_space import DiskRoomLevel, DiskSpace, Floors
 
 SERVER = "the server"
 
@@ -21,18 +21,18 @@ _DISK_FULL_STATE = "53100"
 """SQLSTATE of a PostgreSQL that finds no room, also on a machine of its own."""
 
 
-def server_disk() -> Disk | None:
+def server_disk() -> DiskSpace | None:
     """Ask the system, at most once a second; None: it does not say."""
     return _asked(Path(settings.DATA_DIR), int(time.monotonic()))
 
 
 @lru_cache(maxsize=1)
-def _asked(folder: Path, _second: int) -> Disk | None:
+def _asked(folder: Path, _second: int) -> DiskSpace | None:
     try:
         found = os.statvfs(folder)
     except OSError:
         return None
-    return Disk(
+    return DiskSpace(
         name=SERVER,
         free_bytes=found.f_bavail * found.f_frsize,
         total_bytes=found.f_blocks * found.f_frsize,
@@ -60,10 +60,10 @@ def floors() -> Floors:
     )
 
 
-def level() -> Level:
+def level() -> DiskRoomLevel:
     """Say how the server's disk stands; one that cannot be asked counts as well."""
     disk = server_disk()
-    return Level.OK if disk is None else disk.level(floors())
+    return DiskRoomLevel.OK if disk is None else disk.level(floors())
 
 
 def is_about_disk(error: BaseException | None) -> bool:

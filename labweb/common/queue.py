@@ -10,7 +10,7 @@ from celery.utils import uuid
 from kombu.exceptions import OperationalError
 
 from labweb.celery import app
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 
 logger = logging.getLogger(__name__)
 

@@ -13,16 +13,13 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from django.conf import settings
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import EnrollmentError
-from labweb.domain.messages import (
-    ChainHead,
-    Command,
-    DriverApproval,
-    LookOrder,
-    Signed,
-    TryoutOrder,
-    canonical,
-)
+from labweb.domain.messages.chain_heads import ChainHead
+from labweb.domain.messages.commands import Command
+from labweb.domain.messages.device_looks import LookOrder
+from labweb.domain.messages.devices_and_drivers import DriverApproval, Signed
+from labweb.domain.messages.driver_tryouts import TryoutOrder
 
 
 def _key_path() -> Path:

@@ -9,7 +9,7 @@ import msgspec
 from django.conf import settings
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 
 
 def _path() -> Path:

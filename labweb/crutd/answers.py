@@ -9,11 +9,11 @@ from uuid import UUID
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, NamedRef, NumberedRef
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import Finding
-from labweb.domain.graph.topology import Medium
-from labweb.domain.resources.kinds import Nature
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.resources.resource_kinds import Nature
 from labweb.resources.answers import ConnectionEnd
 
 

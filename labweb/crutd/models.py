@@ -7,10 +7,10 @@ from django.db.models import F, Q
 
 from labweb.common.models import Base, enum_choices
 from labweb.domain.crutd.ledger import Account
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
-from labweb.domain.runs.holding import Mode
-from labweb.domain.runs.locks import LockMode
+from labweb.domain.crutd.transaction_states import TransactionState
+from labweb.domain.runs.exclusive_use.action_locks import LockMode
+from labweb.domain.runs.exclusive_use.run_holds import UseMode
 
 _ACCOUNT = rf"^({'|'.join(Account)}|[0-9a-f]{{8}}(-[0-9a-f]{{4}}){{3}}-[0-9a-f]{{12}})$"
 """A nominal account, or the id of a vessel."""
@@ -315,7 +315,7 @@ class RunHold(Base):
     holder = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
     """Whose run it is."""
 
-    mode = models.CharField(max_length=1, choices=enum_choices(Mode))
+    mode = models.CharField(max_length=1, choices=enum_choices(UseMode))
     until_step = models.PositiveIntegerField()
     """Number of the step of the run after which it lets go, from 1."""
 

@@ -178,7 +178,7 @@ class Notation:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class QuantityReading:
     """A quantity as a text gives it: one number, a range, or a word."""
 
     low: Decimal | None = None
@@ -201,7 +201,7 @@ class Reading:
         return None if self.is_range else self.low
 
 
-def read_quantity(text: object, notation: Notation) -> Reading:
+def read_quantity(text: object, notation: Notation) -> QuantityReading:
     """Read a quantity as a language writes it. Nothing is guessed, rounded or clamped.
 
     Args:
@@ -223,7 +223,7 @@ def read_quantity(text: object, notation: Notation) -> Reading:
         raise _unreadable(text, notation, "unit.not_text")
     plain = _plain_text(text)
     if plain.lower() in notation.words:
-        return Reading(word=notation.words[plain.lower()])
+        return QuantityReading(word=notation.words[plain.lower()])
     if _COMMA.search(plain):
         raise UnitError(f"{text!r}: write a decimal point, not a comma", code="unit.comma")
     if _VAGUE.search(plain.lower()):
@@ -234,13 +234,13 @@ def read_quantity(text: object, notation: Notation) -> Reading:
     one, ends = _SIGNED.match(plain), _RANGE.match(plain)
     if ends is None or (one is not None and (not one["unit"] or one["unit"] in notation.units)):
         value = _value_of(plain, text, notation, "")
-        return Reading(low=value, high=value)
+        return QuantityReading(low=value, high=value)
     unit = (ends["unit"] or "").strip()
     low = _value_of(ends["low"], text, notation, unit)
     high = _value_of(f"{ends['high']} {unit}", text, notation, "")
     if low >= high:
         raise UnitError(f"{text!r}: a range goes from low to high", code="unit.range_order")
-    return Reading(low=low, high=high)
+    return QuantityReading(low=low, high=high)
 
 
 _MINUS = "\u2212\u2013\ufe63\uff0d"

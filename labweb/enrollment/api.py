@@ -15,7 +15,7 @@ from labweb.accounts.selectors import user_of
 from labweb.common.answers import KeyedRef, NamedRef
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
-from labweb.domain.enrollment.join import USUAL_TOKEN_S
+from labweb.domain.enrollment.host_join import USUAL_TOKEN_S
 from labweb.enrollment import selectors, services
 from labweb.enrollment.answers import (
     JoinAdmission,

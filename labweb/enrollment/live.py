@@ -13,9 +13,9 @@ import msgspec
 from labweb.common import authority
 from labweb.common.buckets import Rate
 from labweb.common.sockets import BoundedConsumer
-from labweb.domain.enrollment.join import Ask, JoinFrame, Offer, Waiting
+from labweb.domain.enrollment.host_join import JoinAsk, JoinFrame, JoinOffer, JoinWaiting
 from labweb.domain.errors import LabError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from labweb.enrollment import selectors, services
 
 logger = logging.getLogger(__name__)
@@ -28,7 +28,7 @@ LONGEST_FRAME_BYTES = 16 * 1024
 LOOKS_EVERY_S = 10.0
 """How often the answer is looked for, should the word of it be lost."""
 
-_decoder = msgspec.json.Decoder(Ask)
+_decoder = msgspec.json.Decoder(JoinAsk)
 
 
 class JoinConsumer(BoundedConsumer):
@@ -44,7 +44,7 @@ class JoinConsumer(BoundedConsumer):
     async def connect(self) -> None:
         """Open, and offer the lab's authority: the machine judges it before it says a word."""
         await self.accept()
-        await self._send(Offer(ca=authority.authority_pem()))
+        await self._send(JoinOffer(ca=authority.authority_pem()))
         self.patience = asyncio.create_task(self._wait())
 
     async def _wait(self) -> None:
@@ -76,7 +76,7 @@ class JoinConsumer(BoundedConsumer):
             return
         await self._ask(ask)
 
-    async def _ask(self, ask: Ask) -> None:
+    async def _ask(self, ask: JoinAsk) -> None:
         client = self.scope.get("client") or ("",)
         try:
             row = await self.ask(services.take_request, ask, address=str(client[0]))
@@ -90,7 +90,7 @@ class JoinConsumer(BoundedConsumer):
         self.request_id = row.id
         frame = await self.ask(_answer, row.id)
         await self._send(frame)
-        if not isinstance(frame, Waiting):
+        if not isinstance(frame, JoinWaiting):
             await self.close(code=CLOSE_DONE)
 
     async def tell_refusal(self, code: str, text: str) -> None:
@@ -104,7 +104,7 @@ class JoinConsumer(BoundedConsumer):
 
     async def _tell_if_decided(self, request_id: UUID) -> None:
         frame = await self.ask(_answer, request_id)
-        if not isinstance(frame, Waiting):
+        if not isinstance(frame, JoinWaiting):
             await self._send(frame)
             await self.close(code=CLOSE_DONE)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from django.db import models
 
 from labweb.common.models import Base, enum_choices
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
 
 
 class EdgeHost(Base):

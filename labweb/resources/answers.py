@@ -5,7 +5,7 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
 
 
 class ConnectionEnd(ApiAnswer):

@@ -7,8 +7,8 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.lists import STANDING
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.graph.topology import Medium
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.resources import selectors
 from labweb.resources.answers import ConnectionEnd, ConnectionList, ConnectionRow
 from labweb.resources.models import Connection, Resource

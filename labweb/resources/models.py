@@ -6,9 +6,9 @@ from django.db import models
 from django.db.models import Q
 
 from labweb.common.models import Base, enum_choices
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.resources.contents import Phase
-from labweb.domain.resources.kinds import Nature
+from labweb.domain.resources.resource_kinds import Nature
 
 LONGEST_TEXT = 500
 """Longest key, name and port that a lab file may have."""

@@ -15,8 +15,8 @@ from django.db.models.functions import Cast, Concat
 from labweb.common.clock import now
 from labweb.domain.crutd.operations import Create, Operation, React, Receive, Refit
 from labweb.domain.errors import StateError
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.node import Resource as ResourceData
+from labweb.domain.resources.resource import Resource as ResourceData
+from labweb.domain.resources.resource_kinds import KINDS
 from labweb.resources.models import Connection, Lab, Lot, Material, Resource
 
 _LAB_LOCK = 0x6C61_6231

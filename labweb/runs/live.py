@@ -17,41 +17,21 @@ from labweb.common.buckets import Rate
 from labweb.common.clock import now
 from labweb.common.lanes import on_lane
 from labweb.common.sockets import BoundedConsumer
+from labweb.domain.action_files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.errors import LabError
-from labweb.domain.files import FileGone, FileOffer, FilePart, FileParts, FileTaken
-from labweb.domain.messages import (
-    CLOSE_BAD_FRAME,
-    MAX_FRAME_BYTES,
-    NOT_KNOWN,
-    Ack,
-    Ask,
-    AskTold,
-    Challenge,
-    EdgeFrame,
-    Events,
-    Heartbeat,
-    Hello,
-    LookTold,
-    Nudge,
-    Pulse,
-    Refuse,
-    Renew,
-    Renewed,
-    Resume,
-    ServerFrame,
-    Sightings,
-    Signed,
-    StopAcknowledged,
-    StopLab,
-    Telemetry,
-    TelemetryTaken,
-    TryoutOffer,
-    TryoutTold,
-    WantDriver,
-    WithdrawAsk,
-    unknown_frame,
-)
-from labweb.domain.runs.session import is_caught_up
+from labweb.domain.messages.action_asks import ActionAsk, AskTold, WithdrawAsk
+from labweb.domain.messages.certificates_and_sightings import Renew, Renewed, Sightings
+from labweb.domain.messages.commands import Nudge
+from labweb.domain.messages.device_looks import LookTold
+from labweb.domain.messages.devices_and_drivers import Signed, WantDriver
+from labweb.domain.messages.driver_tryouts import TryoutOffer, TryoutTold
+from labweb.domain.messages.events import Ack, EventsFrame
+from labweb.domain.messages.frames import CLOSE_BAD_FRAME, MAX_FRAME_BYTES, EdgeFrame, ServerFrame
+from labweb.domain.messages.protocol_version import NOT_KNOWN, unknown_frame
+from labweb.domain.messages.session import Challenge, Heartbeat, Hello, Pulse, Refuse, ResumeSession
+from labweb.domain.messages.stops import StopAcknowledged, StopLabFrame
+from labweb.domain.messages.telemetry import TelemetryFrame, TelemetryTaken
+from labweb.domain.runs.host_link.host_session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
@@ -192,7 +172,7 @@ class EdgeConsumer(BoundedConsumer):
             return
         self.is_online = True
         await self.ask(enrollment_services.resume_host, self.host_id, self.epoch)
-        await self._send(Resume(epoch=self.epoch))
+        await self._send(ResumeSession(epoch=self.epoch))
         await self._repeat_stop(self.host_id)
         await self.edge_heads({})
         for asked in await self.ask(services.files_asked, self.host_id):
@@ -205,9 +185,9 @@ class EdgeConsumer(BoundedConsumer):
 
     async def _take(self, host_id: UUID, frame: EdgeFrame) -> None:
         match frame:
-            case Events():
+            case EventsFrame():
                 await self._events(host_id, frame)
-            case Telemetry():
+            case TelemetryFrame():
                 await self._samples(frame)
             case StopAcknowledged():
                 await self.ask(enrollment_services.acknowledge_stop, host_id, frame.stop_id, now())
@@ -227,7 +207,7 @@ class EdgeConsumer(BoundedConsumer):
                 await self.ask(enrollment_services.take_sightings, host_id, self.epoch, frame.found)
             case WantDriver():
                 await self._give_driver(host_id, frame.digest)
-            case Ask() | WithdrawAsk():
+            case ActionAsk() | WithdrawAsk():
                 await self._ask(host_id, frame)
             case TryoutOffer():
                 await self.ask(approval_services.take_offer, host_id, self.epoch, frame)
@@ -236,7 +216,7 @@ class EdgeConsumer(BoundedConsumer):
             case TryoutTold():
                 await self.ask(approval_services.take_told, host_id, self.epoch, frame)
 
-    async def _ask(self, host_id: UUID, frame: Ask | WithdrawAsk) -> None:
+    async def _ask(self, host_id: UUID, frame: ActionAsk | WithdrawAsk) -> None:
         """Take a wish, or its end; only of the session that is open, and caught up."""
         if frame.epoch != self.epoch or not self.is_online:
             return
@@ -280,7 +260,7 @@ class EdgeConsumer(BoundedConsumer):
         if self.beats_to_rival:
             await self._beat_beside_rival(host_id)
 
-    async def _samples(self, frame: Telemetry) -> None:
+    async def _samples(self, frame: TelemetryFrame) -> None:
         """Store a frame, and tell a host that waits for it that it is stored."""
         known = set(self.devices)
         parts = (frame.samples, frame.gaps, frame.uncertainties_s)
@@ -328,7 +308,7 @@ class EdgeConsumer(BoundedConsumer):
         if not self.beats_to_rival:
             await self.ask(services.note_rival, host_id)
 
-    async def _events(self, host_id: UUID, frame: Events) -> None:
+    async def _events(self, host_id: UUID, frame: EventsFrame) -> None:
         acked = await self.ask(services.ingest_events, host_id, self.epoch, frame.events)
         if acked is None:
             await self.close(code=CLOSE_SESSION_OVER)
@@ -339,7 +319,9 @@ class EdgeConsumer(BoundedConsumer):
 
     async def edge_stop(self, message: dict[str, Any]) -> None:
         """Forward a software stop."""
-        await self._send(StopLab(stop_id=UUID(message["stop_id"]), issued_by=message["issued_by"]))
+        await self._send(
+            StopLabFrame(stop_id=UUID(message["stop_id"]), issued_by=message["issued_by"])
+        )
 
     async def edge_nudge(self, message: dict[str, Any]) -> None:
         """Forward a command whose doorbell was not answered."""

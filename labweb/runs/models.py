@@ -5,10 +5,10 @@ from __future__ import annotations
 from django.db import models
 
 from labweb.common.models import Base, enum_choices
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.runs.custody import CustodyState
-from labweb.domain.runs.halt_state import HaltState
-from labweb.domain.runs.job import JobState, RunState
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
+from labweb.domain.runs.halts.halt_progress import HaltState
+from labweb.domain.runs.states.job_states import JobState, RunState
 
 
 class Run(Base):
@@ -342,7 +342,7 @@ class Calibration(Base):
     device = models.ForeignKey(
         "enrollment.Device", on_delete=models.PROTECT, related_name="calibrations"
     )
-    quantity = models.CharField(max_length=16, choices=enum_choices(Quantity))
+    quantity = models.CharField(max_length=16, choices=enum_choices(CalibrationQuantity))
     number = models.PositiveIntegerField()
     """Version, from 1, by device and quantity."""
 

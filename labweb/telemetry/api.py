@@ -16,9 +16,9 @@ from labweb.accounts.selectors import user_of
 from labweb.common.download import Blocks, sent
 from labweb.common.requests import Parameter, one_of, seconds, whole_number, word
 from labweb.common.uploads import Bounded, one_file
-from labweb.domain.enrollment.spec import UNITS, StatusSpec
+from labweb.domain.enrollment.driver_spec import UNITS, StatusSpec
 from labweb.domain.errors import DefinitionError
-from labweb.domain.telemetry import MOST_POINTS, NAMES
+from labweb.domain.telemetry_resolution import MOST_POINTS, NAMES
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.telemetry import selectors, services

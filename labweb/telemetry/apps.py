@@ -6,7 +6,7 @@ from django.apps import AppConfig
 from django.conf import settings
 from django.core.exceptions import ImproperlyConfigured
 
-from labweb.domain.telemetry import check_ages
+from labweb.domain.telemetry_resolution import check_ages
 
 
 class TelemetryConfig(AppConfig):

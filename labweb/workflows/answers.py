@@ -9,10 +9,10 @@ from uuid import UUID
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.enrollment.spec import Recovery
+from labweb.domain.enrollment.driver_spec import Recovery
 from labweb.domain.errors import Finding
-from labweb.domain.graph.topology import Medium
-from labweb.domain.workflows.unit_operations import StepPort
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.workflows.unit_operations.unit_operation import StepPort
 
 
 class StepChoice(ApiAnswer):

@@ -11,7 +11,7 @@ from django.db.models import Prefetch, QuerySet, UUIDField
 
 from labweb.accounts.selectors import User
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import Finding, NotFoundError
 from labweb.domain.recipes.agreement.keeping import changes_since
 from labweb.resources import selectors as resource_selectors

@@ -196,6 +196,30 @@ class Correct(Struct, tag_field="op", tag="correct"):
     measured_ug: dict[str, MeasuredUgAdditionalProperty] | UnsetType = field(default_factory=dict)
 
 
+class Correction(Struct):
+    """
+    One number of a command as it was asked and as it is sent, or one that it reads.
+
+        Made by the planner alone.
+    """
+
+    argument: str
+    quantity: Annotated[
+        Literal["ph", "temperature", "volume"],
+        Meta(description="What can be calibrated.", title="CalibrationQuantity"),
+    ]
+    asked: float | None
+    sent: float | None
+    gain: float
+    offset: float
+    calibration_id: str
+    number: int
+    low: float | None | UnsetType = UNSET
+    high: float | None | UnsetType = UNSET
+    needs: float | None | UnsetType = UNSET
+    expires_at: str | None | UnsetType = UNSET
+
+
 class Create(Struct, tag_field="op", tag="create"):
     """
     Put a new resource into the tree. Its pose is unknown until confirmed.
@@ -1193,7 +1217,7 @@ class ProvenanceNode(Struct):
 
     id: str
     kind: Annotated[
-        Literal["activity", "agent", "entity"], Meta(description="What PROV has.", title="Kind")
+        Literal["activity", "agent", "entity"], Meta(description="What PROV has.", title="ProvKind")
     ]
     type: str
     name: str
@@ -2328,7 +2352,7 @@ class CalibrationResult(Struct):
 
     quantity: Annotated[
         Literal["ph", "temperature", "volume"],
-        Meta(description="What can be calibrated.", title="Quantity"),
+        Meta(description="What can be calibrated.", title="CalibrationQuantity"),
     ]
     gain: float
     offset: float
@@ -2398,30 +2422,6 @@ class ConnectionRow(Struct):
     ]
     is_two_way: bool
     dead_volume_nl: int | None
-
-
-class Correction(Struct):
-    """
-    One number of a command as it was asked and as it is sent, or one that it reads.
-
-        Made by the planner alone.
-    """
-
-    argument: str
-    quantity: Annotated[
-        Literal["ph", "temperature", "volume"],
-        Meta(description="What can be calibrated.", title="Quantity"),
-    ]
-    asked: float | None
-    sent: float | None
-    gain: float
-    offset: float
-    calibration_id: str
-    number: int
-    low: float | None | UnsetType = UNSET
-    high: float | None | UnsetType = UNSET
-    needs: float | None | UnsetType = UNSET
-    expires_at: str | None | UnsetType = UNSET
 
 
 class CustodyConnection(Struct):
@@ -2992,7 +2992,7 @@ class LabSummary(Struct):
         Literal["live", "sim"],
         Meta(
             description="Whether the devices of a lab are real. The two never mix in one lab.",
-            title="Mode",
+            title="LabMode",
         ),
     ]
     time_zone: str
@@ -3267,7 +3267,7 @@ class RunRow(Struct):
         Literal["live", "sim"],
         Meta(
             description="Whether the devices of a lab are real. The two never mix in one lab.",
-            title="Mode",
+            title="LabMode",
         ),
     ]
     state: Annotated[
@@ -3508,7 +3508,7 @@ class CalibrationDetail(Struct):
     device_id: str
     quantity: Annotated[
         Literal["ph", "temperature", "volume"],
-        Meta(description="What can be calibrated.", title="Quantity"),
+        Meta(description="What can be calibrated.", title="CalibrationQuantity"),
     ]
     number: int
     state: Literal["accepted", "awaiting", "failed", "measuring", "rejected", "withdrawn"]
@@ -3872,7 +3872,7 @@ class RunDetail(Struct):
         Literal["live", "sim"],
         Meta(
             description="Whether the devices of a lab are real. The two never mix in one lab.",
-            title="Mode",
+            title="LabMode",
         ),
     ]
     state: Annotated[
@@ -3954,7 +3954,7 @@ class CalibratedQuantity(Struct):
 
     quantity: Annotated[
         Literal["ph", "temperature", "volume"],
-        Meta(description="What can be calibrated.", title="Quantity"),
+        Meta(description="What can be calibrated.", title="CalibrationQuantity"),
     ]
     unit: str
     is_relative: bool
@@ -3972,7 +3972,7 @@ class CalibrationChange(Struct):
     device: NamedRef
     quantity: Annotated[
         Literal["ph", "temperature", "volume"],
-        Meta(description="What can be calibrated.", title="Quantity"),
+        Meta(description="What can be calibrated.", title="CalibrationQuantity"),
     ]
     unit: str
     is_relative: bool

@@ -12,15 +12,15 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.crutd.decide import ResourceState
-from labweb.domain.enrollment.device import Device
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.crutd.settlement import ResourceState
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.workflows.compile import LabView, compile_workflow
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.workflows.compile_workflow import PlannerView, compile_workflow
 from labweb.domain.workflows.plan import encode
-from labweb.domain.workflows.protocol import parse_workflow
+from labweb.domain.workflows.workflow_file import parse_workflow
 from tests.acceptance.interpreter import Wanted
 from tests.acceptance.plumbing import Plumbing
 
@@ -62,9 +62,9 @@ class Subject:
         return resources | {str(entry.id): entry.key for entry in self.lab.devices}
 
     @cached_property
-    def view(self) -> LabView:
+    def view(self) -> PlannerView:
         devices = [
-            Device(
+            AdmittedDevice(
                 id=entry.id,
                 key=entry.key,
                 name=entry.name,
@@ -76,7 +76,7 @@ class Subject:
             )
             for entry in self.lab.devices
         ]
-        return LabView(
+        return PlannerView(
             tree=self.lab.tree,
             graph=self.lab.graph,
             devices=tuple(devices),

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import read_binding
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Format, LabDocument
 from tests.acceptance.asking import Subject
 from tests.acceptance.interpreter import Wanted
 from tests.acceptance.test_uni_lab_os_labs import AMOUNTS_NL, check
@@ -30,7 +30,7 @@ def subjects() -> list[Subject]:
     found = []
     for path in sorted(XDL.rglob("*.json")):
         try:
-            document = Document(path.read_bytes(), path.stem)
+            document = LabDocument(path.read_bytes(), path.stem)
             if document.format is not Format.CHEMPUTER:
                 continue
             subject = Subject(document.bound(binding)[0])

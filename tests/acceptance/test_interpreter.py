@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from tests.acceptance.asking import Refusal, Subject
 from tests.acceptance.interpreter import Wanted, prove_plan
 from tests.acceptance.plumbing import Wrong

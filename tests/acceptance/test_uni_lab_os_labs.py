@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.bind import apply_binding
-from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
+from labweb.domain.graph.lab_file.apply_binding import apply_binding
+from labweb.domain.graph.lab_file.binding_file import read_binding
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
 from tests.acceptance.asking import Refusal, Subject
 from tests.acceptance.interpreter import Wanted, prove_plan
 from tests.corpus import GRAPHS, NO_GRAPHS

@@ -14,7 +14,7 @@ from benchmarks.corpus import compiled, judge, on_lab, totals
 from benchmarks.corpus_pairs import Pair, find_pairs
 from benchmarks.corpus_volumes import compare, of_events
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import PreviewAsked, open_recipe, workflow_from
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.plans import recipe
 from tests.domain.recipes.rigs import chemputer
@@ -154,7 +154,7 @@ def test_a_published_recipe_is_refused_on_its_page_as_it_is_when_it_is_saved() -
     assert refused
 
 
-def saved(asked: Asked) -> tuple[dict[str, Any] | None, list[str]]:
+def saved(asked: PreviewAsked) -> tuple[dict[str, Any] | None, list[str]]:
     """Return the workflow that is saved of a recipe, or why none is."""
     try:
         return workflow_from(asked)["document"], []

@@ -6,7 +6,7 @@ import pytest
 
 from deploy.embedded import room
 from deploy.embedded.room import Room
-from labweb.domain.disk import Disk, Floors, Level
+from labweb.domain.disk_space import DiskRoomLevel, DiskSpace, Floors
 
 MIB = 2**20
 HERE = Path("/data")
@@ -16,10 +16,10 @@ HERE = Path("/data")
 @pytest.mark.parametrize("free_mib", [0, 199, 200, 999, 1_023, 1_024, 10_239, 10_240, 19_999])
 def test_the_terminal_and_the_page_warn_alike(free_mib: int, total_mib: int) -> None:
     free, total = free_mib * MIB, total_mib * MIB
-    level = Disk(name="x", free_bytes=free, total_bytes=total).level(Floors())
+    level = DiskSpace(name="x", free_bytes=free, total_bytes=total).level(Floors())
     said = room.warning(HERE, Room(free, total), {})
-    assert bool(said) is (level is not Level.OK)
-    assert ("no run is started" in said) is (level is Level.FULL)
+    assert bool(said) is (level is not DiskRoomLevel.OK)
+    assert ("no run is started" in said) is (level is DiskRoomLevel.FULL)
 
 
 def test_the_levels_are_set_in_the_environment() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.telemetry import (
+from labweb.domain.telemetry_resolution import (
     LEVELS_S,
     MOST_POINTS,
     RAW,

@@ -19,7 +19,7 @@ from drivers.browse.__main__ import main
 from drivers.browse.openapi import MOST_BYTES, browse_document
 from drivers.browse.sila import scale_of
 from drivers.transports.sila.features import UnitConversion
-from labweb.domain.enrollment.spec import check_arguments, encode, parse
+from labweb.domain.enrollment.driver_spec import check_arguments, encode, parse
 from labweb.domain.errors import NotFoundError
 from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
 from tests.drivers.conformance.cases import CONTROLLERS

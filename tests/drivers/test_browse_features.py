@@ -6,7 +6,7 @@ import pytest
 
 from drivers.browse.sila import describe_feature
 from drivers.transports.sila.features import parse_feature
-from labweb.domain.enrollment.spec import encode, parse
+from labweb.domain.enrollment.driver_spec import encode, parse
 from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
 
 FEATURES = INSTRUMENTS / "sila2"

@@ -12,7 +12,7 @@ from drivers.catalog.scan import inspect_bundle, inspect_file, scan_text
 from drivers.catalog.source import path_of, read_source
 from drivers.load import load_bundle
 from drivers.transports.virtual import VirtualTransport
-from labweb.domain.enrollment.bundle import decode_bundle, digest_of, encode_bundle
+from labweb.domain.enrollment.driver_bundle import decode_bundle, digest_of, encode_bundle
 from labweb.domain.errors import ConformanceError
 from tests.drivers.conftest import Play
 

@@ -17,9 +17,9 @@ from drivers.catalog.source import read_source
 from drivers.load import source_path
 from drivers.transports.urls import make_transport
 from labweb.domain.dimensions import DIMENSIONS
-from labweb.domain.enrollment.bundle import digest_of
-from labweb.domain.enrollment.kept import names_set_by, setting_actions
-from labweb.domain.enrollment.spec import UNITS, DriverSpec, encode, parse
+from labweb.domain.enrollment.driver_bundle import digest_of
+from labweb.domain.enrollment.driver_spec import UNITS, DriverSpec, encode, parse
+from labweb.domain.enrollment.setpoint_readback import names_set_by, setting_actions
 from labweb.domain.errors import DefinitionError
 from labweb.domain.units import parse as parse_quantity
 

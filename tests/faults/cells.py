@@ -15,7 +15,9 @@ from typing import NoReturn
 
 import msgspec
 
-from labweb.domain.messages import Do, EdgeEvent, Signed
+from labweb.domain.messages.commands import Do
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
 from tests.faults.pump import CountingPump
 from tests.workers.bench import (
     BOOT_ID,

@@ -11,7 +11,7 @@ from celery import Celery
 from kombu.message import Message
 
 from labweb.common import queue
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 from workers.base.celery_apps import make_accept_app
 from workers.base.config import HostConfig, ValkeyConfig
 

@@ -22,14 +22,14 @@ from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.rtps import NO_SEQUENCE, SampleIdentity
 from drivers.transports.ros2.types import Types, type_name
-from labweb.domain.enrollment.sighting import (
+from labweb.domain.enrollment.device_announcements import (
     LONGEST_BEACON_BYTES,
     DdsBeacon,
     beacon_bytes,
     sighting_of,
 )
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 from tests.fixtures.running import ROOT
 from tests.ros2.conftest import Peer
 from tests.workers.bench import HOST_ID

@@ -24,7 +24,8 @@ from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.types import Types
 from labweb.domain.errors import DefinitionError, RejectedError
-from labweb.domain.messages import Ask, AskTold, DeviceConfig, WithdrawAsk
+from labweb.domain.messages.action_asks import ActionAsk, AskTold, WithdrawAsk
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from tests.ros2.conftest import SHARE, Peer
 from tests.workers.bench import DEVICE_ID, HOST_ID, Server, a_device
 from workers.base.config import HostConfig, Ros2Config, ValkeyConfig, load_config
@@ -182,7 +183,7 @@ def heat_to(bridge: Bridge, config: HostConfig) -> Iterator[ActionClient]:
     bus.close()
 
 
-def a_word(store: ValkeyStore) -> Ask | WithdrawAsk:
+def a_word(store: ValkeyStore) -> ActionAsk | WithdrawAsk:
     """Wait for what the bridge hands to the uplink."""
     found: list[bytes] = []
 
@@ -230,7 +231,7 @@ def test_a_goal_is_a_wish_to_the_server_and_ends_as_its_run_does(
 ) -> None:
     sending = Sending(heat_to, HEAT)
     ask = a_word(store)
-    assert isinstance(ask, Ask)
+    assert isinstance(ask, ActionAsk)
     assert (ask.device_id, ask.action, ask.args) == (DEVICE_ID, "heat_to", HEAT)
     tell(store, ask.ask_id, "awaiting_approval", run_number=7)
     sending.thread.join(WAIT_S)
@@ -248,7 +249,7 @@ def test_a_goal_is_a_wish_to_the_server_and_ends_as_its_run_does(
 def test_a_cancelled_goal_withdraws_the_wish(heat_to: ActionClient, store: ValkeyStore) -> None:
     sending = Sending(heat_to, HEAT)
     ask = a_word(store)
-    assert isinstance(ask, Ask)
+    assert isinstance(ask, ActionAsk)
     tell(store, ask.ask_id, "queued", run_number=8)
     sending.thread.join(WAIT_S)
     assert heat_to.cancel(sending.id, WAIT_S)

@@ -7,12 +7,15 @@ from random import Random
 from typing import cast
 from uuid import UUID
 
-from labweb.domain.messages import Command, EdgeEvent, Halt, Signed
-from labweb.domain.runs import halt_state, halting, scheduler
-from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.halt_state import OPEN_HALTS, UNDECIDED, HaltState
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover, RunState
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.messages.commands import Command, Halt
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.dispatch import job_scheduler
+from labweb.domain.runs.halts import halt_progress, halted_setpoints
+from labweb.domain.runs.halts.halt_progress import OPEN_HALTS, UNDECIDED, HaltState
+from labweb.domain.runs.host_journal.action_states import ActionState
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL, JobState, Mover, RunState
 from tests.simulation.checks import require
 from tests.simulation.halting import PUMP_OF, HaltingHost, HaltingServer, HaltingWorld
 from tests.simulation.host import SimHost
@@ -61,7 +64,7 @@ class AbortingServer(HaltingServer):
         """Halt one device, whatever acts on it."""
         known = [one for one in self.wishes if one.run is None and one.device_id == device_id]
         if all(one.state not in OPEN_HALTS for one in known):
-            self._ask(host, device_id, None, halting.DEVICE_STOPPED)
+            self._ask(host, device_id, None, halted_setpoints.DEVICE_STOPPED)
 
     def resolve(self, made: Job, answer: str, moved_nl: int | None) -> None:
         self.answers[made.actions[-1].id] = answer
@@ -98,26 +101,29 @@ class AbortingServer(HaltingServer):
             mine = [one for one in self.wishes if one.run == run and one.device_id == device_id]
             asked = {one.state for one in mine}
             standing = self._standing(device_id)
-            other = halt_state.who_keeps(id_of(RUN, run + 1), standing)
+            other = halt_progress.who_keeps(id_of(RUN, run + 1), standing)
             is_in_question = not asked and self._is_in_question(device_id, run)
             is_ours = is_in_question or any(one.run_id == id_of(RUN, run + 1) for one in standing)
             acts = any(made.state in _ACTING for made in jobs)
             if (acts and not asked) or (is_ours and other is None and OPEN_HALTS.isdisjoint(asked)):
-                self._ask(jobs[0].host, device_id, run, halting.RUN_ABORTED)
+                self._ask(jobs[0].host, device_id, run, halted_setpoints.RUN_ABORTED)
 
-    def _standing(self, device_id: UUID) -> list[halt_state.Set]:
+    def _standing(self, device_id: UUID) -> list[halt_progress.Set]:
         done = self.complete_on(device_id)
-        told = [halting.Done(index=at, action=one.action, args={}) for at, one in enumerate(done)]
-        found = [done[at] for at in halting.still_standing(told) if not done[at].halted_by]
+        told = [
+            halted_setpoints.Done(index=at, action=one.action, args={})
+            for at, one in enumerate(done)
+        ]
+        found = [done[at] for at in halted_setpoints.still_standing(told) if not done[at].halted_by]
         found += [
             made
             for made in self.jobs
             if made.device_id == device_id
             and made.state in AT_EDGE
-            and halting.leaves_standing(made.action, {})
+            and halted_setpoints.leaves_standing(made.action, {})
         ]
         return [
-            halt_state.Set(run_id=id_of(RUN, made.run + 1), is_live=self.is_live(made.run))
+            halt_progress.Set(run_id=id_of(RUN, made.run + 1), is_live=self.is_live(made.run))
             for made in found
         ]
 
@@ -132,8 +138,8 @@ class AbortingServer(HaltingServer):
         ]
         told.sort(key=lambda made: made.actions[-1].dseq)
         return bool(
-            halting.may_stand(
-                halting.Done(
+            halted_setpoints.may_stand(
+                halted_setpoints.Done(
                     index=at,
                     action=made.action,
                     args={},
@@ -203,7 +209,7 @@ class AbortingServer(HaltingServer):
         """H8: a run that was aborted ends, and not before something is known of its halts."""
         views = [made.view for made in self.jobs if made.run == run]
         is_halting = any(one.run == run and one.state in UNDECIDED for one in self.wishes)
-        state = scheduler.run_state(
+        state = job_scheduler.run_state(
             RunState.RUNNING, views, is_given_up=True, is_halting=is_halting
         )
         if state in {RunState.ABORTED, RunState.COMPLETE} and run not in self.ended:
@@ -227,7 +233,7 @@ class AbortingHost(HaltingHost):
         for device_id in sorted(map(UUID, self.disk.host_state(self.boot_id).owes_halt)):
             if device_id in self.silent:
                 with self.write() as tx:
-                    halting.note_waiting(tx, device_id, "it does not answer")
+                    halted_setpoints.note_waiting(tx, device_id, "it does not answer")
 
 
 class AbortingWorld(HaltingWorld):
@@ -254,7 +260,7 @@ class AbortingWorld(HaltingWorld):
         self.loose.add(halt.device_id)
         if host.acting is not None and host.is_acting(halt.device_id):
             self.stopped.add(host.acting.row.action_id)
-        if halt.code == halting.DEVICE_STOPPED:
+        if halt.code == halted_setpoints.DEVICE_STOPPED:
             waiting = host.disk.actions.values()
             self.waiting |= {
                 row.action_id

@@ -10,7 +10,7 @@ from __future__ import annotations
 from itertools import accumulate
 from typing import cast
 
-from labweb.domain.runs.job import FINAL
+from labweb.domain.runs.states.job_states import FINAL
 from tests.simulation import halts, schedule
 from tests.simulation.aborting import AbortingServer, AbortingWorld
 from tests.simulation.host import SimHost

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from labweb.domain.runs import batch, recovery, standing
-from labweb.domain.runs.batch import Turn
-from labweb.domain.runs.edge import FINAL, ActionState, Answer
-from labweb.domain.runs.job import STEPS, JobState, Mover
+from labweb.domain.runs.after_failure import recovery_choices
+from labweb.domain.runs.host_actions import host_batch, host_state
+from labweb.domain.runs.host_actions.host_batch import BatchTurn
+from labweb.domain.runs.host_journal.action_states import FINAL, ActionState, HostAnswer
+from labweb.domain.runs.states.job_states import STEPS, JobState, Mover
 from tests.simulation.host import SimHost
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch
@@ -43,7 +44,7 @@ def batch_goes_on_in_doubt(patch: Patch) -> None:
 
 def absence_is_nothing(patch: Patch) -> None:
     """The server may be away for ever, whatever the run declares."""
-    patch.setattr(standing, "offline_s", lambda state, at: None)
+    patch.setattr(host_state, "offline_s", lambda state, at: None)
 
 
 def leash_of_any_length(patch: Patch) -> None:
@@ -53,7 +54,7 @@ def leash_of_any_length(patch: Patch) -> None:
 
 def nothing_is_stopped_safely(patch: Patch) -> None:
     """`stop_safe` neither halts nor gives back."""
-    patch.setattr(standing, "stop_safely", lambda tx: [])
+    patch.setattr(host_state, "stop_safely", lambda tx: [])
 
 
 def absence_without_an_event(patch: Patch) -> None:
@@ -80,24 +81,24 @@ def absence_left_unsealed(patch: Patch) -> None:
 
 def locks_free_between_members(patch: Patch) -> None:
     """What a later member needs is free as soon as an earlier one has ended."""
-    patch.setattr(batch, "heirs", lambda held, claims: {})
+    patch.setattr(host_batch, "heirs", lambda held, claims: {})
 
 
 def complete_is_tried_anew(patch: Patch) -> None:
     """A job that is complete may be tried anew."""
     step = (JobState.COMPLETE, JobState.QUEUED, Mover.PERSON)
-    patch.setattr("labweb.domain.runs.job.STEPS", STEPS | {step})
-    every = {*recovery.UNDONE, JobState.COMPLETE}
-    patch.setattr(recovery, "may_retry", lambda state: state in every)
+    patch.setattr("labweb.domain.runs.states.job_states.STEPS", STEPS | {step})
+    every = {*recovery_choices.UNDONE, JobState.COMPLETE}
+    patch.setattr(recovery_choices, "may_retry", lambda state: state in every)
 
 
 def _turn(patch: Patch, change: object) -> None:
-    real = batch.decide_turn
+    real = host_batch.decide_turn
 
-    def decide(turn: Turn) -> Answer | None:
+    def decide(turn: BatchTurn) -> HostAnswer | None:
         return real(change(turn))  # type: ignore[operator]
 
-    patch.setattr(batch, "decide_turn", decide)
+    patch.setattr(host_batch, "decide_turn", decide)
 
 
 OF_BATCHES: tuple[Mutant, ...] = (

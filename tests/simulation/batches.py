@@ -8,7 +8,7 @@ from __future__ import annotations
 from itertools import accumulate
 from random import Random
 
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation import schedule
 from tests.simulation.host import SimHost
 from tests.simulation.rows import Policy

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from labweb.domain.crutd.lifecycle import FINAL as SETTLED
-from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.job import FINAL, JobState, Mover
-from labweb.domain.runs.session import SessionState
+from labweb.domain.crutd.transaction_states import FINAL as SETTLED
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.host_journal.action_states import ActionState
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
 from tests.simulation.lab import OWNER
 
 if TYPE_CHECKING:

@@ -9,10 +9,11 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import EdgeEvent, Events, Heartbeat, Pulse, Welcome
-from labweb.domain.runs import clocks
-from labweb.domain.runs.clocks import Anchor, Cause, Exchange, Happened
-from labweb.domain.runs.moment import Moment
+from labweb.domain.messages.events import EdgeEvent, EventsFrame
+from labweb.domain.messages.session import Heartbeat, Pulse, Welcome
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_link import host_clocks
+from labweb.domain.runs.host_link.host_clocks import Cause, ClockAnchor, Exchange, Happened
 from tests.simulation import batches
 from tests.simulation.checks import require
 from tests.simulation.host import SimHost
@@ -51,17 +52,17 @@ class ClockedHost(SimHost):
         self.ahead_s = self.clock_rng.uniform(-DAY_S, DAY_S)
         self.rate = 1 + self.clock_rng.uniform(-0.9e-4, 0.9e-4)
         self.truth = lab.truth
-        self.asked: dict[float, Moment] = {}
+        self.asked: dict[float, HostMoment] = {}
         super().__init__(name, lab, rng)
 
     def set_clock(self) -> None:
         """Let a person or a program set the wall clock."""
         self.ahead_s += self.clock_rng.uniform(-DAY_S, DAY_S)
 
-    def moment(self) -> Moment:
+    def moment(self) -> HostMoment:
         now_s = self.lab.now_s
         mono_s = (now_s - self.boot_at_s) * self.rate
-        return Moment(boot_id=self.boot_id, mono_s=mono_s, wall_s=now_s + self.ahead_s)
+        return HostMoment(boot_id=self.boot_id, mono_s=mono_s, wall_s=now_s + self.ahead_s)
 
     def new_write(self, on_commit: Callable[[bool], None]) -> MemoryWrite:
         made = ClockedWrite(self.disk, self.moment(), on_commit)
@@ -71,9 +72,9 @@ class ClockedHost(SimHost):
     # --- what the server's clock shows ---
 
     @property
-    def anchors(self) -> tuple[Anchor, ...]:
+    def anchors(self) -> tuple[ClockAnchor, ...]:
         text = self.disk.meta.get(ANCHORS)
-        return () if text is None else msgspec.json.decode(text, type=tuple[Anchor, ...])
+        return () if text is None else msgspec.json.decode(text, type=tuple[ClockAnchor, ...])
 
     def connect(self) -> Link:
         link = super().connect()
@@ -99,7 +100,7 @@ class ClockedHost(SimHost):
         asked = self.asked.pop(asked_s, None)
         if asked is None or asked.boot_id != self.boot_id:
             return
-        found = clocks.anchor_of(
+        found = host_clocks.anchor_of(
             Exchange(
                 asked=asked,
                 heard_at_s=heard_at_s,
@@ -108,12 +109,12 @@ class ClockedHost(SimHost):
             )
         )
         if found is not None:
-            kept = clocks.with_anchor(self.anchors, found)
+            kept = host_clocks.with_anchor(self.anchors, found)
             with self.write() as tx:
                 tx.set_meta(ANCHORS, msgspec.json.encode(kept).decode())
 
     def events_after(self, seq: int) -> list[EdgeEvent]:
-        return [clocks.dated(event, self.anchors) for event in super().events_after(seq)]
+        return [host_clocks.dated(event, self.anchors) for event in super().events_after(seq)]
 
 
 def _beat(epoch: int, asked_s: float) -> Heartbeat:
@@ -136,8 +137,8 @@ class ClockedServer(SimServer):
             return
         super().hear(link, frame)
 
-    def _take_events(self, host: Host, link: Link, frame: Events) -> None:
-        found = clocks.latest(frame.events, self.watch.now_s)
+    def _take_events(self, host: Host, link: Link, frame: EventsFrame) -> None:
+        found = host_clocks.latest(frame.events, self.watch.now_s)
         self.by_s = {event.hash: by_s for event, by_s in zip(frame.events, found, strict=True)}
         super()._take_events(host, link, frame)
 
@@ -171,7 +172,7 @@ class ClockedWorld(World):
         sent_s = None if event.action_id is None else self.sent_s.get(event.action_id)
         causes = [Cause(BEGUN_S) if last is None else Cause(last.at_s, last.uncertainty_s)]
         causes += [] if sent_s is None else [Cause(sent_s)]
-        found = clocks.happened(clocks.told_moment(event), causes, by_s)
+        found = host_clocks.happened(host_clocks.told_moment(event), causes, by_s)
         name = f"event {event.seq} of {host.name}, {event.kind}"
         for cause in causes:
             text = f"{name} at {found.at_s} is before its cause at {cause.at_s}"

@@ -7,11 +7,13 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import Command, Do, Reset, Signed, StopLab
-from labweb.domain.runs import standing
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.journal import HeldResource
-from labweb.domain.runs.session import SessionState
+from labweb.domain.messages.commands import Command, Do, Reset
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.host_actions import host_state
+from labweb.domain.runs.host_journal.journal_rows import HeldResource
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation.checks import require
 from tests.simulation.host import SimHost
 from tests.simulation.schedule import drain
@@ -271,7 +273,7 @@ def stopped_and_reset() -> None:
     host = dispatched(world)
     take_all(world, host)
     with host.write() as tx:
-        standing.write_stop(tx, StopLab(stop_id=UUID(int=7), issued_by="ada"))
+        host_state.write_stop(tx, StopLabFrame(stop_id=UUID(int=7), issued_by="ada"))
     work(world, host)
     world.kill_host(host)
     host.start(is_cold=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from random import Random
 
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation.checks import require
 from tests.simulation.directed import (
     Schedule,

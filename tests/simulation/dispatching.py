@@ -9,23 +9,15 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd import decide, operations
-from labweb.domain.messages import (
-    BatchPart,
-    Command,
-    Do,
-    Signed,
-)
-from labweb.domain.runs import (
-    batch,
-    isolation,
-    locks,
-    relay,
-    scheduler,
-    session,
-)
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover
-from labweb.domain.runs.session import SessionState
+from labweb.domain.crutd import operations, settlement
+from labweb.domain.messages.commands import BatchPart, Command, Do
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.runs.dispatch import command_outbox, job_scheduler, work_of_absent_host
+from labweb.domain.runs.exclusive_use import action_locks
+from labweb.domain.runs.host_actions import host_batch
+from labweb.domain.runs.host_link import host_session
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL, JobState, Mover
 from tests.simulation.lab import ACTION, BATCH, BENCH, id_of
 from tests.simulation.record import Record
 from tests.simulation.rows import Attempt, Host, Job, Row
@@ -34,12 +26,12 @@ AT = datetime(2026, 1, 1, tzinfo=UTC)
 """No calibration has a say in these labs: any moment does."""
 
 
-def _signed(made: Command | relay.BatchDraft, epoch: int) -> tuple[Signed, Command]:
-    if isinstance(made, relay.BatchDraft):
+def _signed(made: Command | command_outbox.BatchDraft, epoch: int) -> tuple[Signed, Command]:
+    if isinstance(made, command_outbox.BatchDraft):
         sign = partial(_signed_alone, epoch=epoch)
-        command: Command = relay.signed_batch(made, epoch, sign, at=AT)
+        command: Command = command_outbox.signed_batch(made, epoch, sign, at=AT)
     else:
-        command = relay.stamped(made, epoch, at=AT)
+        command = command_outbox.stamped(made, epoch, at=AT)
     body = msgspec.json.encode(command).decode()
     return Signed(body=body, key_id="k", signature=""), command
 
@@ -61,10 +53,10 @@ class Dispatching(Record):
             members = [one for one in self.jobs if one.run == run]
             views = [one.view for one in members]
             if members[0].policy is not None:
-                for found in batch.find_batches(views, online):
+                for found in host_batch.find_batches(views, online):
                     self.dispatch_batch([self.by_index[view.index] for view in found])
                 continue
-            for view in scheduler.ready(views, online):
+            for view in job_scheduler.ready(views, online):
                 self.dispatch(self.by_index[view.index])
         for host in self.hosts.values():
             self.publish(host)
@@ -72,17 +64,19 @@ class Dispatching(Record):
     def watch_hosts(self) -> None:
         """See who has fallen silent, by this server's monotonic clock."""
         for host in self.hosts.values():
-            host.state = session.state_by_silence(host.state, self.watch.now_s - host.beat_at_s)
+            host.state = host_session.state_by_silence(
+                host.state, self.watch.now_s - host.beat_at_s
+            )
 
     def isolate(self) -> None:
         """Suspend and release jobs by the states of their hosts."""
         states = {i: host.state for i, host in self.hosts.items()}
-        is_any_away = not isolation.AWAY.isdisjoint(states.values())
+        is_any_away = not work_of_absent_host.AWAY.isdisjoint(states.values())
         if not is_any_away and all(one.state is not JobState.SUSPENDED for one in self.jobs):
             return
         for run in {one.run for one in self.jobs}:
             views = [one.view for one in self.jobs if one.run == run]
-            waiting = isolation.find_waiting(views, states)
+            waiting = work_of_absent_host.find_waiting(views, states)
             if waiting.suspend or waiting.release:
                 found = {one.id: one for one in self.jobs}
                 for job_id in waiting.suspend:
@@ -95,7 +89,7 @@ class Dispatching(Record):
         wanted = self._free_locks([made])
         if wanted is None:
             return
-        findings = decide.check(made.operation, self.snapshot(made.operation))
+        findings = settlement.check(made.operation, self.snapshot(made.operation))
         if findings:
             self.watch.say(f"job {made.index} is held: {findings[0].message}")
             self.move(made, JobState.HELD, Mover.SERVER)
@@ -114,17 +108,21 @@ class Dispatching(Record):
         indices = {made.index for made in members}
         for made in members:
             is_first = indices.isdisjoint(made.after)
-            if is_first and decide.check(made.operation, self.snapshot(made.operation)):
+            if is_first and settlement.check(made.operation, self.snapshot(made.operation)):
                 self.move(made, JobState.HELD, Mover.SERVER)
                 return
         bench = (id_of(BENCH),)
-        claims = [locks.lock_set(m.targets, dict.fromkeys(m.targets, bench)) for m in members]
+        claims = [
+            action_locks.lock_set(m.targets, dict.fromkeys(m.targets, bench)) for m in members
+        ]
         self.batch_count += 1
         batch_id = id_of(BATCH, self.batch_count)
         host = self.host(members[0].host)
         made_here: dict[int, Attempt] = {}
         commands = []
-        for made, claim, share in zip(members, claims, batch.shares(claims, wanted), strict=True):
+        for made, claim, share in zip(
+            members, claims, host_batch.shares(claims, wanted), strict=True
+        ):
             attempt = self._attempt(made, tuple(share))
             attempt.batch_id = batch_id
             attempt.needed = frozenset(lock.resource_id for lock in claim)
@@ -138,7 +136,7 @@ class Dispatching(Record):
             command = self._command(host, attempt)
             commands.append(msgspec.structs.replace(command, batch=part, resources=[]))
         touched = {i for made in members for i in operations.touched_ids(made.operation)}
-        draft = relay.BatchDraft(
+        draft = command_outbox.BatchDraft(
             batch_id=batch_id,
             members=commands,
             resources=[self.vessels[vessel].view for vessel in sorted(touched)],
@@ -148,15 +146,15 @@ class Dispatching(Record):
             self.move(made, JobState.DISPATCHED, Mover.SCHEDULER)
             self.watch.dispatched(made.actions[-1])
 
-    def _free_locks(self, members: list[Job]) -> tuple[locks.Lock, ...] | None:
+    def _free_locks(self, members: list[Job]) -> tuple[action_locks.Lock, ...] | None:
         """Return the locks that jobs of one run need together; None: they are not free."""
         targets = frozenset().union(*(made.targets for made in members))
         if not self.may_hold(members):
             return None
         bench = (id_of(BENCH),)
-        wanted = locks.lock_set(targets, dict.fromkeys(targets, bench))
+        wanted = action_locks.lock_set(targets, dict.fromkeys(targets, bench))
         held = [lock for one in self.attempts.values() for lock in one.locks]
-        return None if locks.conflicts(wanted, held) else wanted
+        return None if action_locks.conflicts(wanted, held) else wanted
 
     def may_hold(self, members: list[Job]) -> bool:
         """Say whether no other run is in the middle of what it does on one host with these things.
@@ -175,7 +173,7 @@ class Dispatching(Record):
         """Return what has to be free of other runs for jobs to begin: here, what they touch."""
         return frozenset().union(*(made.targets for made in members))
 
-    def _attempt(self, made: Job, share: tuple[locks.Lock, ...]) -> Attempt:
+    def _attempt(self, made: Job, share: tuple[action_locks.Lock, ...]) -> Attempt:
         host = self.host(made.host)
         host.record = replace(host.record, last_dseq=host.record.last_dseq + 1)
         attempt = Attempt(
@@ -213,7 +211,7 @@ class Dispatching(Record):
         """Ring for every command that is not answered."""
         for row in host.outbox:
             ago_s = None if row.sent_at_s is None else self.watch.now_s - row.sent_at_s
-            if not row.is_answered and relay.is_due(host.state, ago_s):
+            if not row.is_answered and command_outbox.is_due(host.state, ago_s):
                 row.sent_at_s = self.watch.now_s
                 self.watch.ring(host.name, *_signed(row.command, host.record.epoch))
         if len(host.outbox) > 24:

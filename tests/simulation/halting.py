@@ -11,12 +11,16 @@ import msgspec
 
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Effect
-from labweb.domain.messages import DeviceConfig, EdgeEvent, Reset, StopLab
-from labweb.domain.runs import acting, halting, standing
-from labweb.domain.runs.acting import Found, Started
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.messages.commands import Reset
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_actions import action_execution, host_state
+from labweb.domain.runs.host_actions.action_execution import FoundDevice, Started
+from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation.checks import require
 from tests.simulation.directed import signed
 from tests.simulation.host import SimHost
@@ -49,7 +53,10 @@ class HaltingServer(SimServer):
         self._take_from_jobs(device_id, event.body["code"])
         syringe_id = PUMP_OF[device_id].syringe
         vessel = self.vessels[syringe_id]
-        gone, told = halting.voided(vessel.view.data), event.body["data"].get(str(syringe_id))
+        gone, told = (
+            halted_setpoints.voided(vessel.view.data),
+            event.body["data"].get(str(syringe_id)),
+        )
         if told is not None and told != gone:
             self.tickets.append("reconcile.drift")
         vessel.view = msgspec.structs.replace(vessel.view, data={**vessel.view.data, **gone})
@@ -60,9 +67,10 @@ class HaltingServer(SimServer):
     def _take_from_jobs(self, device_id: UUID, code: str) -> None:
         done = self.complete_on(device_id)
         told = [
-            halting.Done(index=place, action=job.action, args={}) for place, job in enumerate(done)
+            halted_setpoints.Done(index=place, action=job.action, args={})
+            for place, job in enumerate(done)
         ]
-        for place in halting.still_standing(told):
+        for place in halted_setpoints.still_standing(told):
             done[place].halted_by = done[place].halted_by or code
 
     def complete_on(self, device_id: UUID) -> list[Job]:
@@ -79,9 +87,9 @@ class HaltingServer(SimServer):
         attempt = self.attempts.get(event.action_id) if event.action_id else None
         if attempt is None or attempt.job.state is not JobState.COMPLETE:
             return
-        is_undone = event.body.get(halting.IS_HALTED) is True
-        if is_undone and halting.leaves_standing(attempt.job.action, {}):
-            attempt.job.halted_by = halting.WITH_ACTION
+        is_undone = event.body.get(halted_setpoints.IS_HALTED) is True
+        if is_undone and halted_setpoints.leaves_standing(attempt.job.action, {}):
+            attempt.job.halted_by = halted_setpoints.WITH_ACTION
 
 
 class HaltingHost(SimHost):
@@ -139,7 +147,7 @@ class HaltingHost(SimHost):
     def _forget(self) -> None:
         """Begin as a process of the line does, which knows what is on disk."""
         self.is_halted = False
-        self.stopped: dict[UUID, Found] = {}
+        self.stopped: dict[UUID, FoundDevice] = {}
 
     def kill_line(self) -> None:
         super().kill_line()
@@ -149,7 +157,7 @@ class HaltingHost(SimHost):
         found = self.pumping.halt(self, row.device_id)
         yield "halted"
         with self.write() as tx:
-            is_new = acting.recover(tx, row, found)
+            is_new = action_execution.recover(tx, row, found)
         if is_new and found.is_owed:
             self._check_heard(row)
         yield "recovered"
@@ -163,7 +171,7 @@ class HaltingHost(SimHost):
         found = self.stopped.pop(started.row.device_id, None)
         if found is not None:
             with self.write(is_sealed=False) as tx:
-                halting.halt_with_action(tx, started.row, is_owed=found.is_owed)
+                halted_setpoints.halt_with_action(tx, started.row, is_owed=found.is_owed)
             if found.is_owed:
                 self._check_heard(started.row)
             yield "halt written"
@@ -171,7 +179,7 @@ class HaltingHost(SimHost):
     def stop(self, stop_id: UUID) -> None:
         """Take a stop of the lab, as the uplink does."""
         with self.write() as tx:
-            standing.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
+            host_state.write_stop(tx, StopLabFrame(stop_id=stop_id, issued_by="ada"))
 
     def watch(self) -> None:
         """Look after the latch and the halts that are owed, beside the line."""
@@ -181,7 +189,7 @@ class HaltingHost(SimHost):
                 found = self.pumping.halt(self, device_id)
                 if not found.is_owed:
                     with self.write() as tx:
-                        halting.write_late_halt(tx, device_id, found.text, {})
+                        halted_setpoints.write_late_halt(tx, device_id, found.text, {})
         if host.stop_latched and not self.is_halted:
             self.is_halted = True
             for device_id in sorted(self.device_ids):
@@ -222,18 +230,18 @@ class HaltingWorld(World):
 
     # --- devices ---
 
-    def halt(self, host: SimHost, device_id: UUID) -> Found:
+    def halt(self, host: SimHost, device_id: UUID) -> FoundDevice:
         """Let a device be halted; it may not hear, or hear and not say so."""
         assert isinstance(host, HaltingHost)
         if device_id in host.silent:
-            return Found(is_halted=False, is_owed=True, text="it does not answer")
+            return FoundDevice(is_halted=False, is_owed=True, text="it does not answer")
         if not self.is_calm and host.rng.random() < 0.15:
             if host.rng.getrandbits(1):
                 self.set_to[device_id] = None
-            return Found(is_halted=True, is_owed=True, text="it could not be halted")
+            return FoundDevice(is_halted=True, is_owed=True, text="it could not be halted")
         self.set_to[device_id] = None
         self.loose.discard(device_id)
-        return Found(is_halted=True, text="it stands")
+        return FoundDevice(is_halted=True, text="it stands")
 
     def finish(self, host: SimHost, started: Started) -> Report:
         assert isinstance(host, HaltingHost)

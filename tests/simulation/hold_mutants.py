@@ -7,70 +7,70 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.runs import claims, holding
-from labweb.domain.runs.claims import Claims, Stand
-from labweb.domain.runs.holding import Ask, Mode, Party, Refusal, Scene
+from labweb.domain.runs.exclusive_use import run_claims, run_holds
+from labweb.domain.runs.exclusive_use.run_claims import Claims, JobProgress
+from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, HoldScene, Party, Refusal, UseMode
 from tests.simulation.mutants import Mutant, Patch
 
 
 def granted_without_safety(patch: Patch) -> None:
     """A run gets what is free, though nobody could end then."""
-    patch.setattr(holding, "_stuck", lambda *_: None)
+    patch.setattr(run_holds, "_stuck", lambda *_: None)
 
 
 def order_is_not_kept(patch: Patch) -> None:
     """Who comes later overtakes who waits."""
-    real = holding.refusal
+    real = run_holds.refusal
 
-    def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
+    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
         return real(asker, ask, replace(scene, waiting=()))
 
-    patch.setattr(holding, "refusal", refusal)
+    patch.setattr(run_holds, "refusal", refusal)
 
 
 def released_too_early(patch: Patch) -> None:
     """A run lets everything go with each job that ends."""
 
     def released(
-        declared: Claims, jobs: Sequence[Stand], held: Iterable[UUID], *, has_ended: bool
+        declared: Claims, jobs: Sequence[JobProgress], held: Iterable[UUID], *, has_ended: bool
     ) -> set[UUID]:
         return set(held)
 
-    patch.setattr(claims, "released", released)
+    patch.setattr(run_claims, "released", released)
 
 
 def never_released(patch: Patch) -> None:
     """A run keeps all that it has ever held."""
-    patch.setattr(claims, "released", lambda *_, **__: set())
+    patch.setattr(run_claims, "released", lambda *_, **__: set())
 
 
 def held_by_nobody(patch: Patch) -> None:
     """What another run holds is in nobody's way."""
-    real = holding.refusal
+    real = run_holds.refusal
 
-    def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
-        free: Mapping[UUID, Mode] = {}
+    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
+        free: Mapping[UUID, UseMode] = {}
         parties = [one if one.id == asker.id else replace(one, held=free) for one in scene.parties]
         return real(asker, ask, replace(scene, parties=parties))
 
-    patch.setattr(holding, "refusal", refusal)
+    patch.setattr(run_holds, "refusal", refusal)
 
 
 def claimed_at_first_use(patch: Patch) -> None:
     """A vessel is held from its first use, and not from the beginning of the run."""
-    real = claims.claims_of
+    real = run_claims.claims_of
 
     def claims_of(*known: Any) -> Claims:  # noqa: ANN401 - as the rule
         found = real(*known)
         late = tuple(_late(one) for one in found.claims)
         return Claims(claims=late, choices=found.choices)
 
-    patch.setattr(claims, "claims_of", claims_of)
+    patch.setattr(run_claims, "claims_of", claims_of)
 
 
-def _late(one: claims.Claim) -> claims.Claim:
+def _late(one: run_claims.RunClaim) -> run_claims.RunClaim:
     plain = {name: getattr(one, name) for name in one.__struct_fields__}
-    return claims.Claim(**{**plain, "is_from_start": False})
+    return run_claims.RunClaim(**{**plain, "is_from_start": False})
 
 
 OF_HOLDS: tuple[Mutant, ...] = (

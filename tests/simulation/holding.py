@@ -12,10 +12,10 @@ from typing import Literal
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
-from labweb.domain.runs import claims
-from labweb.domain.runs.claims import Claims, Stand, Use, Way
-from labweb.domain.runs.holding import Ask, Mode, Party, Scene
-from labweb.domain.runs.job import FINAL, JobState, Mover
+from labweb.domain.runs.exclusive_use import run_claims
+from labweb.domain.runs.exclusive_use.run_claims import Claims, DeviceWay, JobProgress, Use
+from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, HoldScene, Party, UseMode
+from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
 from tests.simulation import schedule
 from tests.simulation.checks import SENT, require
 from tests.simulation.halting import SETPOINT, HaltingServer, HaltingWorld
@@ -69,8 +69,8 @@ KINDS = {
 class HoldingServer(HaltingServer):
     """The rules of holds, as the services call them."""
 
-    held: dict[int, dict[UUID, Mode]]
-    waiting: dict[int, Ask]
+    held: dict[int, dict[UUID, UseMode]]
+    waiting: dict[int, HoldAsk]
     declared: dict[int, Claims]
     asked_at: dict[int, tuple[float, int]]
 
@@ -79,7 +79,7 @@ class HoldingServer(HaltingServer):
         self.held, self.waiting, self.asked_at = {}, {}, {}
         runs = {one.run for one in self.jobs}
         self.declared = {
-            run: claims.claims_of(
+            run: run_claims.claims_of(
                 [_use_of(one) for one in self.jobs if one.run == run], KINDS, ["0", "1", "2"]
             )
             for run in runs
@@ -87,10 +87,10 @@ class HoldingServer(HaltingServer):
         for run in runs:
             self.held[run] = {}
 
-    def stands(self, run: int) -> list[Stand]:
+    def stands(self, run: int) -> list[JobProgress]:
         """Return where the jobs of a run stand."""
         return [
-            claims.stand_of(one.index, one.state, "", one.halted_by)
+            run_claims.stand_of(one.index, one.state, "", one.halted_by)
             for one in self.jobs
             if one.run == run
         ]
@@ -102,35 +102,39 @@ class HoldingServer(HaltingServer):
         held, stands, declared = self.held[run], self.stands(run), self.declared[run]
         used = frozenset().union(*(one.targets for one in members))
         sent = [one.index for one in members]
-        asked = claims.asked_by(declared, stands, sent, used, held)
+        asked = run_claims.asked_by(declared, stands, sent, used, held)
         if not asked:
             return True
-        scene = Scene(
+        scene = HoldScene(
             parties=[self._party(other) for other in sorted(self.held)],
             waiting=[ask for other, ask in sorted(self.waiting.items()) if self._waits(other)],
         )
         turn = self.waiting[run].turn if run in self.waiting else (self.watch.now_s, run)
-        whole = Ask(run_id=id_of(0, run), turn=turn, wanted=claims.modes_in(asked))
-        refused, kept = claims.decide(self._party(run), whole, asked, scene)
+        whole = HoldAsk(run_id=id_of(0, run), turn=turn, wanted=run_claims.modes_in(asked))
+        refused, kept = run_claims.decide(self._party(run), whole, asked, scene)
         if refused is not None:
             self.waiting[run] = kept
             return False
         return self._take(run, asked, turn, members)
 
     def _take(
-        self, run: int, asked: list[claims.Claim], turn: tuple[float, int], members: list[Job]
+        self,
+        run: int,
+        asked: list[run_claims.RunClaim],
+        turn: tuple[float, int],
+        members: list[Job],
     ) -> bool:
         """Take what was granted; where a lock is in the way, keep the place in the line."""
         targets = frozenset().union(*(one.targets for one in members))
         in_use = {lock.resource_id for one in self.attempts.values() for lock in one.locks}
         if not targets.isdisjoint(in_use):
-            wanted = claims.modes_in(one for one in asked if one.is_kept)
-            self.waiting[run] = Ask(run_id=id_of(0, run), turn=turn, wanted=wanted)
+            wanted = run_claims.modes_in(one for one in asked if one.is_kept)
+            self.waiting[run] = HoldAsk(run_id=id_of(0, run), turn=turn, wanted=wanted)
             return False
         self.waiting.pop(run, None)
         held = self.held[run]
-        for node, mode in claims.modes_in(asked).items():
-            held[node] = mode if held.get(node) in {None, mode} else Mode.ALONE
+        for node, mode in run_claims.modes_in(asked).items():
+            held[node] = mode if held.get(node) in {None, mode} else UseMode.ALONE
         return True
 
     def _waits(self, run: int) -> bool:
@@ -138,7 +142,7 @@ class HoldingServer(HaltingServer):
 
     def _party(self, run: int) -> Party:
         held, stands = self.held[run], self.stands(run)
-        needs, choices = claims.needs_of(self.declared[run], stands, held)
+        needs, choices = run_claims.needs_of(self.declared[run], stands, held)
         if all(one.state in FINAL for one in self.jobs if one.run == run):
             needs = {}
         has_begun = bool(held) or any(one.has_acted for one in stands)
@@ -155,13 +159,13 @@ class HoldingServer(HaltingServer):
         has_ended = all(one.state in FINAL for one in self.jobs if one.run == run)
         stands = self.stands(run)
         held = self.held[run]
-        gone = claims.released(self.declared[run], stands, held, has_ended=has_ended)
+        gone = run_claims.released(self.declared[run], stands, held, has_ended=has_ended)
         for node in gone:
             del held[node]
 
 
 def _use_of(one: Job) -> Use:
-    way = Way(
+    way = DeviceWay(
         device_id=one.device_id, operation=one.operation, args={}, locks=tuple(sorted(one.targets))
     )
     return Use(index=one.index, step_id=str(STEP_OF[one.index]), action=one.action, ways=(way,))

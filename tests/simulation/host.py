@@ -8,31 +8,29 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import (
-    Ack,
-    Batch,
-    Command,
-    Do,
-    EdgeEvent,
-    Events,
-    Hello,
-    Resume,
-    Signed,
-    Welcome,
+from labweb.domain.messages.commands import Command, Do, HostBatch
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import Ack, EdgeEvent, EventsFrame
+from labweb.domain.messages.session import Hello, ResumeSession, Welcome
+from labweb.domain.runs.host_actions import (
+    action_execution,
+    command_acceptance,
+    host_batch,
+    host_state,
 )
-from labweb.domain.runs import acting, batch, edge, standing, taking
-from labweb.domain.runs.acting import Scene, Started
-from labweb.domain.runs.bodies import report_from
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.journal import (
+from labweb.domain.runs.host_actions.action_execution import HostScene, Started
+from labweb.domain.runs.host_journal import action_states
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.event_bodies import report_from
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_journal.journal_rows import (
     ActionRow,
-    Chain,
+    JournalChain,
     JournalError,
     Seal,
     find_regression,
     is_raised,
 )
-from labweb.domain.runs.moment import Moment
 from tests.simulation.lab import DEVICE_COUNT, JOURNAL, PUMPS, host_id, id_of
 from tests.simulation.link import Link
 from tests.simulation.memory import Disk, MemoryWrite
@@ -40,13 +38,13 @@ from tests.simulation.outside import Lab
 
 
 def _action_ids(command: Command) -> list[UUID]:
-    if isinstance(command, Batch):
-        return [do.action_id for _, do in batch.read_members(command)]
+    if isinstance(command, HostBatch):
+        return [do.action_id for _, do in host_batch.read_members(command)]
     action_id = getattr(command, "action_id", None)
     return [] if action_id is None else [action_id]
 
 
-SCENE = Scene(pid=4242, driver_digest="d")
+SCENE = HostScene(pid=4242, driver_digest="d")
 ACK_TIMEOUT_S = 10.0
 HANDSHAKE_S = 10.0
 SILENCE_S = 20.0
@@ -106,9 +104,9 @@ class SimHost:
     def boot_id(self) -> str:
         return f"boot {self.boot_count}"
 
-    def moment(self) -> Moment:
+    def moment(self) -> HostMoment:
         now_s = self.lab.now_s
-        return Moment(boot_id=self.boot_id, mono_s=now_s - self.boot_at_s, wall_s=now_s)
+        return HostMoment(boot_id=self.boot_id, mono_s=now_s - self.boot_at_s, wall_s=now_s)
 
     def write(self, *, is_sealed: bool = True) -> MemoryWrite:
         def on_commit(has_appended: bool) -> None:
@@ -146,7 +144,9 @@ class SimHost:
     def regression(self) -> str | None:
         seal = self.seal
         known = None if seal is None else self.disk.hash_at(seal.seq)
-        chain = Chain(journal_id=self.disk.journal_id, seq=self.disk.head[0], hash_at_seal=known)
+        chain = JournalChain(
+            journal_id=self.disk.journal_id, seq=self.disk.head[0], hash_at_seal=known
+        )
         return find_regression(chain, seal)
 
     # --- supervisor ---
@@ -160,11 +160,11 @@ class SimHost:
             self.boot_at_s = self.lab.now_s
         self.is_up = True
         with self.write() as tx:
-            standing.write_boot(tx, self.boot_id)
+            host_state.write_boot(tx, self.boot_id)
         self.lose_link()
         if self.regression() is not None:
             with self.write() as tx:
-                standing.write_disarmed(tx)
+                host_state.write_disarmed(tx)
         self.line = self._work()
 
     def kill(self) -> None:
@@ -186,7 +186,7 @@ class SimHost:
     def lose_link(self) -> None:
         """Write down that the server is away, as the uplink does before it connects."""
         with self.write() as tx:
-            standing.write_link_lost(tx, self.moment())
+            host_state.write_link_lost(tx, self.moment())
         self.seal_up()
         if self.lost_at_s is None:
             self.lost_at_s = self.lab.now_s
@@ -197,11 +197,11 @@ class SimHost:
     def take(self, signed: Signed, command: Command) -> str:
         """Take a command in, as the accept worker and the uplink do."""
         with self.write() as tx:
-            receipt = taking.take_command(
+            receipt = command_acceptance.take_command(
                 tx, signed, command, at=self.moment(), line_of=self._line_of
             )
             rows = [tx.action(action_id) for action_id in _action_ids(command)]
-        if receipt.answer.kind == edge.ACCEPT:
+        if receipt.answer.kind == action_states.ACCEPT:
             for row in rows:
                 if row is not None:
                     self.lab.accepted(self, row)
@@ -223,7 +223,7 @@ class SimHost:
 
     def _recover(self, row: ActionRow) -> Generator[str, None, None]:
         with self.write() as tx:
-            acting.recover(tx, row)
+            action_execution.recover(tx, row)
         yield "recovered"
 
     def _step(self) -> Generator[str, None, bool]:
@@ -232,7 +232,7 @@ class SimHost:
             report = report_from(msgspec.json.decode(row.report or "{}"))
             self._end(row, report)
             return True
-        for row in acting.in_turn(self.disk.rows(ActionState.ACCEPTED)):
+        for row in action_execution.in_turn(self.disk.rows(ActionState.ACCEPTED)):
             if (yield from self._try(row)):
                 return True
         return False
@@ -243,9 +243,9 @@ class SimHost:
             return False
         yield "before started"
         with self.write() as tx:
-            found = acting.start(tx, row, do, at=self.moment(), scene=SCENE)
+            found = action_execution.start(tx, row, do, at=self.moment(), scene=SCENE)
         if not isinstance(found, Started):
-            return found.kind == edge.REJECT
+            return found.kind == action_states.REJECT
         started: Started | None = found
         while started is not None:
             self.lab.started(self, started.row)
@@ -259,10 +259,10 @@ class SimHost:
         return state.stop_latched or not is_armed or bool(self.disk.blocked_by(row.device_id))
 
     def is_waiting(self, do: Do) -> bool:
-        away_s = standing.offline_s(self.disk.host_state(self.boot_id), self.moment())
-        turn = batch.turn_of(self.disk, do.batch, away_s)
-        answer = None if turn is None else batch.decide_turn(turn)
-        return answer is not None and answer.kind == edge.HOLD
+        away_s = host_state.offline_s(self.disk.host_state(self.boot_id), self.moment())
+        turn = host_batch.turn_of(self.disk, do.batch, away_s)
+        answer = None if turn is None else host_batch.decide_turn(turn)
+        return answer is not None and answer.kind == action_states.HOLD
 
     def _act(self, started: Started) -> Generator[str, None, Started | None]:
         """Act, and return the next action where it began in the write that ended this one."""
@@ -275,7 +275,7 @@ class SimHost:
         yield "before actuated"
         if report.ok:
             with self.write(is_sealed=False) as tx:
-                acting.write_actuated(tx, started.row, report)
+                action_execution.write_actuated(tx, started.row, report)
             yield "after actuated"
         following = self._following(started.row) if report.ok else None
         begun = self._end(started.row, report, following)
@@ -298,10 +298,12 @@ class SimHost:
         self, row: ActionRow, report: Report, following: ActionRow | None = None
     ) -> Started | None:
         with self.write(is_sealed=False) as tx:
-            acting.write_end(tx, row, report, [])
+            action_execution.write_end(tx, row, report, [])
             if following is None:
                 return None
-            found = acting.start(tx, following, following.do, at=self.moment(), scene=SCENE)
+            found = action_execution.start(
+                tx, following, following.do, at=self.moment(), scene=SCENE
+            )
         return found if isinstance(found, Started) else None
 
     # --- the uplink ---
@@ -343,7 +345,7 @@ class SimHost:
         self.seal_up()
         self.sent_seq = found[-1].seq
         self.waiting_since_s = self.lab.now_s
-        self.link.up.append(Events(epoch=self.link_epoch, events=found))
+        self.link.up.append(EventsFrame(epoch=self.link_epoch, events=found))
         return True
 
     def events_after(self, seq: int) -> list[EdgeEvent]:
@@ -370,19 +372,19 @@ class SimHost:
         self.heard_at_s = self.lab.now_s
         if isinstance(frame, Welcome):
             with self.write() as tx:
-                standing.write_welcome(tx, frame)
+                host_state.write_welcome(tx, frame)
             with self.write() as tx:
-                standing.write_ack(tx, frame.acked_seq)
+                host_state.write_ack(tx, frame.acked_seq)
             self.link_epoch = frame.epoch
             self.sent_seq = frame.acked_seq
         elif isinstance(frame, Ack):
             with self.write() as tx:
-                standing.write_ack(tx, frame.seq)
+                host_state.write_ack(tx, frame.seq)
             if frame.seq >= self.sent_seq:
                 self.waiting_since_s = None
-        elif isinstance(frame, Resume) and frame.epoch == self.link_epoch:
+        elif isinstance(frame, ResumeSession) and frame.epoch == self.link_epoch:
             regression = self.regression()
             resumed(self)
             self.lost_at_s = None
             with self.write() as tx:
-                standing.write_armed(tx, self.boot_id, regression)
+                host_state.write_armed(tx, self.boot_id, regression)

@@ -13,7 +13,7 @@ from functools import cache
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.messages import ResourceView
+from labweb.domain.messages.commands import ResourceView
 
 HOSTS = ("A", "B")
 DEVICE_COUNT = 2

@@ -12,15 +12,16 @@ from types import TracebackType
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.messages import EdgeEvent, canonical, event_hash
-from labweb.domain.runs.edge import OPEN, ActionState, HostState
-from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
-from labweb.domain.runs.moment import Moment
-from labweb.domain.runs.standing import state_of
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.runs.host_actions.host_state import state_of
+from labweb.domain.runs.host_journal.action_states import OPEN, ActionState, HostState
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, HeldResource, JournalError
 
 _MISSING = object()
 
-BEGINNING = Moment(boot_id="boot", mono_s=0.0, wall_s=0.0)
+BEGINNING = HostMoment(boot_id="boot", mono_s=0.0, wall_s=0.0)
 """A moment for writes whose time nobody asks for."""
 
 
@@ -94,9 +95,9 @@ class Disk:
 
 
 class MemoryWrite:
-    """One atomic write: `labweb.domain.runs.journal.JournalWrite` in memory."""
+    """One atomic write: `labweb.domain.runs.host_journal.journal_rows.JournalWrite` in memory."""
 
-    def __init__(self, disk: Disk, at: Moment, on_commit: Callable[[bool], None]) -> None:
+    def __init__(self, disk: Disk, at: HostMoment, on_commit: Callable[[bool], None]) -> None:
         self._disk = disk
         self._at = at
         self._on_commit = on_commit
@@ -226,7 +227,7 @@ class MemoryWrite:
 
 
 def _event(
-    fields: tuple[int, str, str, UUID | None, Moment, dict[str, Any]], digest: str
+    fields: tuple[int, str, str, UUID | None, HostMoment, dict[str, Any]], digest: str
 ) -> EdgeEvent:
     seq, prev, kind, action_id, at, body = fields
     return EdgeEvent(

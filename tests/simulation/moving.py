@@ -11,10 +11,11 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
-from labweb.domain.runs import custody
-from labweb.domain.runs.custody import Custody, CustodyState
-from labweb.domain.runs.journal import HeldResource
+from labweb.domain.messages.commands import Receive, Release, ResourceView
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.exclusive_use import resource_custody
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState, ResourceCustody
+from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from tests.simulation.checks import require
 from tests.simulation.lab import id_of
 from tests.simulation.memory import BEGINNING, Disk, MemoryWrite
@@ -37,7 +38,7 @@ class Moving:
         self.count = 0
         self.disks = {host: Disk(host, id_of(22, host.int)) for host in HOSTS}
         self.read = dict.fromkeys(HOSTS, 0)
-        self.known: dict[UUID, Custody] = {}
+        self.known: dict[UUID, ResourceCustody] = {}
         self.commands: dict[UUID, Release | Receive] = {}
         """Unanswered commands, by vial: rung until the host has told what became of them."""
 
@@ -59,7 +60,9 @@ class Moving:
             for one in (view, part):
                 self.disks[host].resources[one.id] = HeldResource(view=one)
             self.told[part.id] = msgspec.structs.replace(part, rev=0, contents={})
-            self.known[vial] = Custody(resource_id=vial, state=CustodyState.OWNED, owner=host)
+            self.known[vial] = ResourceCustody(
+                resource_id=vial, state=CustodyState.OWNED, owner=host
+            )
 
     def step(self) -> None:
         """Do one of the things that may happen next."""
@@ -87,7 +90,9 @@ class Moving:
         before = self.known[vial]
         try:
             # The server does not see every use: a host has the last word on its own.
-            asked = custody.ask(before, transfer_id=id_of(23, self.count), target=target, in_use=())
+            asked = resource_custody.ask(
+                before, transfer_id=id_of(23, self.count), target=target, in_use=()
+            )
         except StateError:
             return
         assert asked.transfer_id is not None
@@ -111,9 +116,9 @@ class Moving:
         try:
             with MemoryWrite(disk, BEGINNING, lambda has_appended: None) as tx:
                 if isinstance(command, Release):
-                    custody.take_release(tx, command, in_use=self.used)
+                    resource_custody.take_release(tx, command, in_use=self.used)
                 else:
-                    custody.take_receive(tx, command)
+                    resource_custody.take_receive(tx, command)
                 if dies:
                     raise InterruptedError
             self.check_use(command)
@@ -143,12 +148,16 @@ class Moving:
         before = self.known[vial]
         self.commands.pop(vial, None)
         if event.kind == "kept":
-            self.known[vial] = custody.after_kept(before, host=host, transfer_id=transfer_id)
+            self.known[vial] = resource_custody.after_kept(
+                before, host=host, transfer_id=transfer_id
+            )
         elif event.kind == "released":
             view = msgspec.convert(event.body["view"], ResourceView)
             for part in msgspec.convert(event.body["parts"], list[ResourceView]):
                 self.told[part.id] = part
-            moved = custody.after_released(before, host=host, transfer_id=transfer_id, view=view)
+            moved = resource_custody.after_released(
+                before, host=host, transfer_id=transfer_id, view=view
+            )
             self.known[vial] = moved
             assert moved.target is not None
             self.commands[vial] = Receive(
@@ -159,7 +168,9 @@ class Moving:
                 parts=[self.told[PARTS[vial]]],
             )
         else:
-            self.known[vial] = custody.after_received(before, host=host, transfer_id=transfer_id)
+            self.known[vial] = resource_custody.after_received(
+                before, host=host, transfer_id=transfer_id
+            )
             self.finished += 1
 
     def holders(self, vial: UUID) -> list[UUID]:

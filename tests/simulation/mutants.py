@@ -14,18 +14,16 @@ from typing import Any
 import msgspec
 import pytest
 
-from labweb.domain.messages import EdgeEvent, Hello
-from labweb.domain.runs import (
-    acting,
-    edge,
-    locks,
-    session,
-    standing,
-)
-from labweb.domain.runs.edge import ActionState, Answer, HostState
-from labweb.domain.runs.job import AT_EDGE, STEPS, JobState, Mover
-from labweb.domain.runs.journal import ActionRow
-from labweb.domain.runs.session import HelloAnswer, HostRecord, Intake, SessionState
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.messages.session import Hello
+from labweb.domain.runs.exclusive_use import action_locks
+from labweb.domain.runs.host_actions import action_execution, host_state
+from labweb.domain.runs.host_journal import action_states
+from labweb.domain.runs.host_journal.action_states import ActionState, HostAnswer, HostState
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.host_link import host_session
+from labweb.domain.runs.host_link.host_session import HelloAnswer, HostRecord, Intake, SessionState
+from labweb.domain.runs.states.job_states import AT_EDGE, STEPS, JobState, Mover
 from tests.simulation import host as sim_host
 from tests.simulation import server as sim_server
 from tests.simulation.host import SimHost
@@ -37,28 +35,28 @@ Mutant = Callable[[Patch], None]
 
 def no_dedupe(patch: Patch) -> None:
     """A command that comes again is taken again."""
-    real = edge.decide_accept
+    real = action_states.decide_accept
 
-    def decide(host: HostState, **known: Any) -> Answer:  # noqa: ANN401 - as the rule
+    def decide(host: HostState, **known: Any) -> HostAnswer:  # noqa: ANN401 - as the rule
         return real(host, **{**known, "known": None})
 
     def insert(self: MemoryWrite, row: ActionRow) -> None:
         self._put(self._disk.actions, row.action_id, row)
 
-    patch.setattr(edge, "decide_accept", decide)
+    patch.setattr(action_states, "decide_accept", decide)
     patch.setattr(MemoryWrite, "insert_action", insert)
 
 
 def locks_off(patch: Patch) -> None:
     """Nothing is ever in use."""
-    patch.setattr(locks, "conflicts", lambda wanted, held: [])
+    patch.setattr(action_locks, "conflicts", lambda wanted, held: [])
 
 
 def started_after_acting(patch: Patch) -> None:
     """The start is written when the device has answered."""
 
     def attempt(self: SimHost, row: ActionRow) -> Generator[str, None, bool]:
-        started = acting.Started(row, row.do)
+        started = action_execution.Started(row, row.do)
         if self.is_held(row):
             return False
         yield "before started"
@@ -68,10 +66,10 @@ def started_after_acting(patch: Patch) -> None:
         report = self.lab.finish(self, started)
         self.acting = None
         with self.write() as tx:
-            acting.start(tx, row, row.do, at=self.moment(), scene=sim_host.SCENE)
+            action_execution.start(tx, row, row.do, at=self.moment(), scene=sim_host.SCENE)
         yield "before actuated"
         with self.write() as tx:
-            acting.write_end(tx, row, report, [])
+            action_execution.write_end(tx, row, report, [])
         return True
 
     patch.setattr(SimHost, "_try", attempt)
@@ -86,17 +84,17 @@ def retry_after_crash(patch: Patch) -> None:
             tx._disk.fences.pop(row.device_id, None)
         return False
 
-    patch.setattr(acting, "recover", recover)
+    patch.setattr(action_execution, "recover", recover)
 
 
 def no_epoch_check(patch: Patch) -> None:
     """A command of an older session counts."""
-    real = edge.decide_accept
+    real = action_states.decide_accept
 
-    def decide(host: HostState, **known: Any) -> Answer:  # noqa: ANN401 - as the rule
+    def decide(host: HostState, **known: Any) -> HostAnswer:  # noqa: ANN401 - as the rule
         return real(host, **{**known, "epoch": host.epoch})
 
-    patch.setattr(edge, "decide_accept", decide)
+    patch.setattr(action_states, "decide_accept", decide)
 
 
 def ignore_regression(patch: Patch) -> None:
@@ -107,7 +105,7 @@ def ignore_regression(patch: Patch) -> None:
     def decide(record: HostRecord, hello: Hello, **_: object) -> HelloAnswer:
         return HelloAnswer("normal")
 
-    patch.setattr(session, "decide_hello", decide)
+    patch.setattr(host_session, "decide_hello", decide)
 
 
 def accept_gaps(patch: Patch) -> None:
@@ -116,7 +114,7 @@ def accept_gaps(patch: Patch) -> None:
     def check(record: HostRecord, events: Sequence[EdgeEvent]) -> Intake:
         return Intake(fresh=tuple(one for one in events if one.seq > record.acked_seq))
 
-    patch.setattr(session, "check_events", check)
+    patch.setattr(host_session, "check_events", check)
 
 
 def requeue_on_silence(patch: Patch) -> None:
@@ -132,7 +130,7 @@ def requeue_on_silence(patch: Patch) -> None:
                 self.move(made, JobState.QUEUED, Mover.SERVER)
 
     patch.setattr(
-        "labweb.domain.runs.job.STEPS",
+        "labweb.domain.runs.states.job_states.STEPS",
         STEPS | {(state, JobState.QUEUED, Mover.SERVER) for state in AT_EDGE},
     )
     patch.setattr(sim_server.SimServer, "isolate", isolate)
@@ -147,7 +145,7 @@ def no_seal(patch: Patch) -> None:
 
 def no_cold_boot_hold(patch: Patch) -> None:
     """A machine that was restarted goes on by itself."""
-    real = standing.state_of
+    real = host_state.state_of
 
     def state_of(meta: dict[str, str], boot_id: str) -> HostState:
         found = real(meta, boot_id)
@@ -160,7 +158,7 @@ def no_cold_boot_hold(patch: Patch) -> None:
 def hold_in_memory(patch: Patch) -> None:
     """The hold of a cold start is forgotten when the program alone starts again."""
     real_start = SimHost.start
-    real_state = standing.state_of
+    real_state = host_state.state_of
     held: dict[str, bool] = {}
 
     def start(self: SimHost, *, is_cold: bool) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.host_actions.action_execution import Started
+from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 
 if TYPE_CHECKING:
     from tests.simulation.host import SimHost

@@ -7,15 +7,16 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd import decide, lifecycle, operations
-from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd import operations, settlement, transaction_states
 from labweb.domain.crutd.operations import TransferLiquid, Update
+from labweb.domain.crutd.settlement import Change, Outcome, OutcomeKind, ResourceState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import StateError
 from labweb.domain.resources.contents import add, remove
-from labweb.domain.runs import batch, job
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import HostRecord
+from labweb.domain.runs.host_actions import host_batch
+from labweb.domain.runs.host_link.host_session import HostRecord
+from labweb.domain.runs.states import job_states
+from labweb.domain.runs.states.job_states import JobState, Mover
 from tests.simulation.lab import HOSTS, OWNER, host_id, vessels
 from tests.simulation.rows import Attempt, Host, Job, Vessel, Watch
 
@@ -49,7 +50,7 @@ class Record:
         self.by_index[made.index] = made
 
     def move(self, job_: Job, state: JobState, mover: Mover) -> None:
-        job.check_step(job_.state, state, mover)
+        job_states.check_step(job_.state, state, mover)
         before, job_.state = job_.state, state
         if state is JobState.RUNNING:
             job_.has_started = True
@@ -92,17 +93,17 @@ class Record:
     ) -> None:
         operation = attempt.job.operation
         try:
-            change = decide.settle(operation, self.snapshot(operation), outcome)
+            change = settlement.settle(operation, self.snapshot(operation), outcome)
         except StateError as error:
             if attempt.transaction is TransactionState.QUARANTINED:
                 raise
             self.tickets.append(error.code)
-            change = decide.settle(operation, {}, Outcome(kind=OutcomeKind.UNKNOWN))
+            change = settlement.settle(operation, {}, Outcome(kind=OutcomeKind.UNKNOWN))
         if reported is not None and reported != change.to_json():
             self.tickets.append("reconcile.drift")
             for vessel_id in operations.touched_ids(operation):
                 self.vessels[vessel_id].quarantined_by = str(attempt.id)
-        lifecycle.check_step(attempt.transaction, change.state)
+        transaction_states.check_step(attempt.transaction, change.state)
         self._write(attempt, change, (body or {}).get("revs") or {})
         self._close(attempt, change.state, is_freed=True)
 
@@ -133,7 +134,7 @@ class Record:
     def _close(self, attempt: Attempt, state: TransactionState, *, is_freed: bool) -> None:
         was_quarantined = attempt.transaction is TransactionState.QUARANTINED
         attempt.transaction = state
-        if state not in lifecycle.FINAL:
+        if state not in transaction_states.FINAL:
             return
         self._pass_on(attempt)
         if was_quarantined and is_freed:
@@ -150,16 +151,16 @@ class Record:
             if one.batch_id is not None
             and one.batch_id == attempt.batch_id
             and one is not attempt
-            and one.transaction not in lifecycle.FINAL
+            and one.transaction not in transaction_states.FINAL
         ]
         claims = {one.id: one.needed for one in members}
-        for resource, heir in batch.heirs([lock.resource_id for lock in held], claims).items():
+        for resource, heir in host_batch.heirs([lock.resource_id for lock in held], claims).items():
             if heir is not None:
                 lock = next(one for one in held if one.resource_id == resource)
                 self.attempts[heir].locks += (lock,)
 
     def _discard(self, attempt: Attempt, revs: dict[str, int]) -> None:
-        lifecycle.check_step(attempt.transaction, TransactionState.ROLLED_BACK)
-        data = decide.given_up(attempt.job.operation)
+        transaction_states.check_step(attempt.transaction, TransactionState.ROLLED_BACK)
+        data = settlement.given_up(attempt.job.operation)
         self._write(attempt, Change(state=TransactionState.ROLLED_BACK, data=data), revs)
         self._close(attempt, TransactionState.ROLLED_BACK, is_freed=False)

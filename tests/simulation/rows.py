@@ -7,19 +7,16 @@ from dataclasses import dataclass, field
 from typing import Protocol
 from uuid import UUID
 
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
-from labweb.domain.messages import (
-    Command,
-    EdgeEvent,
-    ResourceView,
-    Signed,
-)
-from labweb.domain.runs import scheduler
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.locks import Lock
-from labweb.domain.runs.relay import BatchDraft
-from labweb.domain.runs.session import HostRecord, SessionState
+from labweb.domain.crutd.transaction_states import TransactionState
+from labweb.domain.messages.commands import Command, ResourceView
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.dispatch import job_scheduler
+from labweb.domain.runs.dispatch.command_outbox import BatchDraft
+from labweb.domain.runs.exclusive_use.action_locks import Lock
+from labweb.domain.runs.host_link.host_session import HostRecord, SessionState
+from labweb.domain.runs.states.job_states import JobState, Mover
 from tests.simulation.lab import host_id
 
 
@@ -50,7 +47,7 @@ class Job:
     actions: list[Attempt] = field(default_factory=list)
 
     targets: frozenset[UUID] = field(init=False)
-    seen: scheduler.JobView | None = None
+    seen: job_scheduler.JobView | None = None
     action: str = "stroke"
     halted_by: str = ""
     """Cause of the halt that has taken away what it had set; empty: it stands."""
@@ -67,9 +64,9 @@ class Job:
         return self.operation.amount_nl if isinstance(self.operation, TransferLiquid) else 0
 
     @property
-    def view(self) -> scheduler.JobView:
+    def view(self) -> job_scheduler.JobView:
         if self.seen is None or self.seen.state is not self.state:
-            self.seen = scheduler.JobView(
+            self.seen = job_scheduler.JobView(
                 id=self.id,
                 index=self.index,
                 state=self.state,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import accumulate
 
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL, JobState
 from tests.simulation import checks
 from tests.simulation.host import SimHost
 from tests.simulation.rows import Host, Job

@@ -10,29 +10,19 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.crutd import lifecycle
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd import transaction_states
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import LabError
-from labweb.domain.messages import (
-    Ack,
-    Cancel,
-    DeviceConfig,
-    EdgeEvent,
-    Events,
-    Hello,
-    Resolve,
-    Resume,
-    Welcome,
-)
-from labweb.domain.runs import (
-    edge,
-    intake,
-    job,
-    recovery,
-    session,
-)
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import SessionState
+from labweb.domain.messages.commands import Cancel, Resolve
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import Ack, EdgeEvent, EventsFrame
+from labweb.domain.messages.session import Hello, ResumeSession, Welcome
+from labweb.domain.runs.after_failure import recovery_choices
+from labweb.domain.runs.host_journal import action_states
+from labweb.domain.runs.host_link import host_session
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states import host_event_meaning, job_states
+from labweb.domain.runs.states.job_states import JobState, Mover
 from tests.simulation.dispatching import Dispatching
 from tests.simulation.link import Link
 from tests.simulation.rows import Attempt, Host, Job, Row
@@ -48,9 +38,9 @@ class SimServer(Dispatching):
 
     def cancel(self, made: Job) -> None:
         """Stop what has not begun; ask the host about what it was given."""
-        if made.state in job.UNSTARTED:
+        if made.state in job_states.UNSTARTED:
             self.move(made, JobState.STOPPED, Mover.SERVER)
-        elif made.state in job.AT_EDGE:
+        elif made.state in job_states.AT_EDGE:
             self._post(made.actions[-1], Cancel, "cancel", {})
 
     def recall(self, run: int) -> None:
@@ -67,7 +57,7 @@ class SimServer(Dispatching):
 
     def retry(self, made: Job) -> None:
         """Try a job anew that ended undone: another action of the same intent."""
-        if recovery.may_retry(made.state) and len(made.actions) < MOST_TRIES:
+        if recovery_choices.may_retry(made.state) and len(made.actions) < MOST_TRIES:
             self.move(made, JobState.QUEUED, Mover.PERSON)
 
     def resolve(self, made: Job, answer: str, moved_nl: int | None) -> None:
@@ -78,8 +68,8 @@ class SimServer(Dispatching):
         """
         attempt = made.actions[-1]
         host = self.host(made.host)
-        if session.is_given_up(host.record, attempt.dseq):
-            found = edge.resolve(answer, moved_nl=moved_nl)
+        if host_session.is_given_up(host.record, attempt.dseq):
+            found = action_states.resolve(answer, moved_nl=moved_nl)
             assert found is not None
             state, outcome = found
             if outcome.kind is OutcomeKind.UNKNOWN:
@@ -116,7 +106,7 @@ class SimServer(Dispatching):
 
     def readmit(self, host: Host) -> None:
         """Let a host begin again, after a person took stock and set its journal aside."""
-        host.record = session.readmitted(host.record)
+        host.record = host_session.readmitted(host.record)
         host.state = SessionState.ISOLATED
         host.log = []
         for row in host.outbox:
@@ -125,18 +115,18 @@ class SimServer(Dispatching):
     def sign_fence(self, name: str, actor: str) -> None:
         """Sign that a host is lost; the second person's signature fences it."""
         host = self.host(name)
-        if session.check_fence(host.state, host.first_signature, actor) is not None:
+        if host_session.check_fence(host.state, host.first_signature, actor) is not None:
             return
         if host.first_signature is None:
             host.first_signature = actor
             return
         self.watch.signed(host, {host.first_signature, actor})
         was_quarantined = bool(host.record.quarantine)
-        host.record = session.fenced(host.record)
+        host.record = host_session.fenced(host.record)
         host.state = SessionState.FENCED
         host.first_signature = None
         if not was_quarantined:
-            self._fence(host, session.FENCED_CODE)
+            self._fence(host, host_session.FENCED_CODE)
 
     # --- the uplink ---
 
@@ -144,21 +134,21 @@ class SimServer(Dispatching):
         """Take one frame of a host."""
         if isinstance(frame, Hello):
             self.open_session(link, frame)
-        elif isinstance(frame, Events):
+        elif isinstance(frame, EventsFrame):
             self._take_events(self.host(link.name), link, frame)
 
     def open_session(self, link: Link, hello: Hello) -> None:
         host = self.hosts[hello.host_id]
         is_live = host.state in {SessionState.ONLINE, SessionState.SYNCING}
         live = host.live_instance if is_live else ""
-        answer = session.decide_hello(host.record, hello, live_instance_id=live)
+        answer = host_session.decide_hello(host.record, hello, live_instance_id=live)
         if answer.kind == "refuse":
             self.tickets.append(answer.code)
             link.is_closed_at_server = True
             return
         host.live_instance = hello.instance_id
         host.first_signature = None
-        opening = session.after_hello(host.record, hello, answer)
+        opening = host_session.after_hello(host.record, hello, answer)
         was_quarantined = bool(host.record.quarantine)
         if host.record.journal_id != opening.record.journal_id:
             host.log = []
@@ -188,12 +178,14 @@ class SimServer(Dispatching):
         return []
 
     def _maybe_resume(self, host: Host, link: Link) -> None:
-        if link.is_resumed or not session.is_caught_up(host.record.acked_seq, link.pending_head):
+        if link.is_resumed or not host_session.is_caught_up(
+            host.record.acked_seq, link.pending_head
+        ):
             return
         link.is_resumed = host.is_resumed = True
         if host.state in {SessionState.SYNCING, SessionState.SUSPECT, SessionState.ISOLATED}:
             host.state = SessionState.ONLINE
-        link.down.append(Resume(epoch=host.record.epoch))
+        link.down.append(ResumeSession(epoch=host.record.epoch))
 
     def beat(self, link: Link, host: Host) -> None:
         """Take a sign of life."""
@@ -201,14 +193,14 @@ class SimServer(Dispatching):
             link.is_closed_at_server = True
             return
         host.beat_at_s = self.watch.now_s
-        host.record = session.heard(host.record)
-        host.state = session.state_by_beat(host.state, is_resumed=link.is_resumed)
+        host.record = host_session.heard(host.record)
+        host.state = host_session.state_by_beat(host.state, is_resumed=link.is_resumed)
 
-    def _take_events(self, host: Host, link: Link, frame: Events) -> None:
+    def _take_events(self, host: Host, link: Link, frame: EventsFrame) -> None:
         if host.record.epoch != link.server_epoch or frame.epoch != link.server_epoch:
             link.is_closed_at_server = True
             return
-        found = session.check_events(host.record, frame.events)
+        found = host_session.check_events(host.record, frame.events)
         if found.code:
             self.quarantine(host, found.code)
             link.is_closed_at_server = True
@@ -224,7 +216,7 @@ class SimServer(Dispatching):
         if found.fresh:
             last = found.fresh[-1]
             host.record = replace(
-                session.heard(host.record), acked_seq=last.seq, hash_at_acked=last.hash
+                host_session.heard(host.record), acked_seq=last.seq, hash_at_acked=last.hash
             )
             host.log.extend(found.fresh)
             self.watch.ingested(host, found.fresh)
@@ -239,7 +231,7 @@ class SimServer(Dispatching):
             if attempt is None:
                 continue
             current = states.get(attempt.id, attempt.job.state)
-            meaning = intake.read_event(event.kind, event.body, current)
+            meaning = host_event_meaning.read_event(event.kind, event.body, current)
             states[attempt.id] = meaning.state or current
 
     def _apply(self, host: Host, event: EdgeEvent) -> None:
@@ -261,12 +253,12 @@ class SimServer(Dispatching):
         if attempt is None or attempt.job.host != host.name:
             self.tickets.append("host.unknown_action")
             return
-        meaning = intake.read_event(event.kind, event.body, attempt.job.state)
+        meaning = host_event_meaning.read_event(event.kind, event.body, attempt.job.state)
         for row in host.outbox:
             if row.action_id == attempt.id and row.kind in meaning.answered:
                 row.is_answered = True
         if meaning.advance is not None:
-            lifecycle.check_step(attempt.transaction, meaning.advance)
+            transaction_states.check_step(attempt.transaction, meaning.advance)
             attempt.transaction = meaning.advance
         if meaning.outcome is not None:
             is_discarded = meaning.is_resolution and meaning.outcome.kind is OutcomeKind.UNKNOWN
@@ -285,7 +277,7 @@ class SimServer(Dispatching):
     def quarantine(self, host: Host, code: str) -> None:
         """Fence a host whose log cannot be trusted."""
         was_quarantined = bool(host.record.quarantine)
-        host.record = session.quarantined(host.record, code)
+        host.record = host_session.quarantined(host.record, code)
         host.state = SessionState.QUARANTINED
         if not was_quarantined:
             self._fence(host, code)
@@ -294,6 +286,6 @@ class SimServer(Dispatching):
         self.watch.fenced(host, code)
         self.tickets.append(code)
         for made in self.jobs:
-            if made.host == host.name and made.state in job.AT_EDGE:
+            if made.host == host.name and made.state in job_states.AT_EDGE:
                 self._settle(made.actions[-1], Outcome(kind=OutcomeKind.UNKNOWN), None, None)
                 self.move(made, JobState.IN_DOUBT, Mover.FENCE)

@@ -8,9 +8,9 @@ from random import Random
 
 import pytest
 
-from labweb.domain.runs import isolation
-from labweb.domain.runs.job import FINAL
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.dispatch import work_of_absent_host
+from labweb.domain.runs.dispatch.job_scheduler import JobView
+from labweb.domain.runs.states.job_states import FINAL
 from tests.simulation import schedule
 from tests.simulation.world import APART, World, add_jobs
 
@@ -80,5 +80,5 @@ def test_a_rule_that_suspends_everybody_is_found_out(monkeypatch: pytest.MonkeyP
     def everybody(jobs: Sequence[JobView], hosts: set[object]) -> set[int]:
         return {job.index for job in jobs} if hosts else set()
 
-    monkeypatch.setattr(isolation, "_reached", everybody)
+    monkeypatch.setattr(work_of_absent_host, "_reached", everybody)
     assert play_both(range(60))

@@ -16,12 +16,12 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd.operations import Update
-from labweb.domain.enrollment.kept import Kept, Sort
-from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs import stands, vanishing
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.journal import ActionRow
-from labweb.domain.runs.stands import Stands
+from labweb.domain.enrollment.setpoint_readback import KeptReading, ReadbackVerdict
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.halts import standing_setpoints, vanished_setpoints
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation import halts
 from tests.simulation.checks import require
 from tests.simulation.halting import (
@@ -38,7 +38,7 @@ from tests.simulation.schedule import Step, calm_round, drain
 from tests.simulation.server import SimServer
 from tests.simulation.world import STEPS, World
 
-Known = dict[UUID, dict[str, Stands]]
+Known = dict[UUID, dict[str, StandingSetpoint]]
 
 
 class VanishingServer(HaltingServer):
@@ -46,7 +46,7 @@ class VanishingServer(HaltingServer):
 
     def _take_word(self, host: Host, event: EdgeEvent) -> None:
         super()._take_word(host, event)
-        if event.kind != vanishing.EVENT:
+        if event.kind != vanished_setpoints.EVENT:
             return
         body = event.body
         attempt = self.attempts[UUID(body["action_id"])]
@@ -56,7 +56,7 @@ class VanishingServer(HaltingServer):
             job.halted_by = job.halted_by or body["code"]
         syringe_id = PUMP_OF[UUID(body["device_id"])].syringe
         vessel = self.vessels[syringe_id]
-        gone = vanishing.gone_of(vessel.view.data, body["action"])
+        gone = vanished_setpoints.gone_of(vessel.view.data, body["action"])
         told = body["data"].get(str(syringe_id))
         if told is not None and told != gone:
             self.tickets.append("reconcile.drift")
@@ -88,7 +88,7 @@ class VanishingHost(HaltingHost):
 
     def refresh(self) -> None:
         """Read in the journal what stands."""
-        self.known = stands.read_stands(self.disk.meta)
+        self.known = standing_setpoints.read_stands(self.disk.meta)
 
     def look(self) -> None:
         """Compare what stands with what its devices are set to."""
@@ -102,12 +102,17 @@ class VanishingHost(HaltingHost):
                     self._tell(lab, device_id, one, asked, found)
 
     def _tell(
-        self, lab: VanishingWorld, device_id: UUID, one: Stands, asked: float, found: float | None
+        self,
+        lab: VanishingWorld,
+        device_id: UUID,
+        one: StandingSetpoint,
+        asked: float,
+        found: float | None,
     ) -> None:
-        kept = Kept(status=SETPOINT, sort=Sort.SETPOINT, asked=asked)
+        kept = KeptReading(status=SETPOINT, sort=ReadbackVerdict.SETPOINT, asked=asked)
         device = _config(PUMP_OF[device_id])
         with self.write() as tx:
-            is_told = vanishing.write_vanished(tx, device, one, kept, found or 0.0)
+            is_told = vanished_setpoints.write_vanished(tx, device, one, kept, found or 0.0)
         if is_told:
             lab.check_told(device_id, one.action_id)
 
@@ -134,7 +139,7 @@ class VanishingWorld(HaltingWorld):
     def make_host(self, name: str, rng: Random) -> SimHost:
         return VanishingHost(name, self, rng)
 
-    def asked_by(self, host: SimHost, one: Stands) -> float:
+    def asked_by(self, host: SimHost, one: StandingSetpoint) -> float:
         """Return what an action was to set."""
         operation = host.disk.actions[one.action_id].operation
         return float(cast("Update", operation).data[SETPOINT])

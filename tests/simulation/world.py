@@ -9,12 +9,14 @@ from random import Random
 from typing import Any
 
 from labweb.domain.errors import Effect, StateError
-from labweb.domain.messages import Command, EdgeEvent, Signed
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.job import FINAL, JobState, Mover
-from labweb.domain.runs.journal import ActionRow, JournalError
-from labweb.domain.runs.session import SessionState
+from labweb.domain.messages.commands import Command
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.host_actions.action_execution import Started
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
 from tests.simulation import checks
 from tests.simulation.checks import require
 from tests.simulation.host import KilledError, SimHost
@@ -23,8 +25,7 @@ from tests.simulation.link import Link
 from tests.simulation.rows import Attempt, Host, Job, Policy
 from tests.simulation.server import SimServer
 
-STEPS = 220
-DRAIN_ROUNDS = 400
+STEPS, DRAIN_ROUNDS = 220, 400
 Post = tuple[Signed, Command]
 
 
@@ -34,8 +35,7 @@ class World:
     def __init__(self, seed: int, *, trace: list[str] | None = None) -> None:
         self.rng = Random(seed)
         self.trace = trace
-        self.now_s = 1000.0
-        self.server_up_at_s = 1000.0
+        self.now_s = self.server_up_at_s = 1000.0
         self.matter = Matter()
         self.server = self.make_server()
         self.hosts = {name: self.make_host(name, Random(f"{seed} {name}")) for name in HOSTS}

@@ -16,15 +16,15 @@ from uuid import UUID
 
 from drivers.base import Driver
 from drivers.transports.urls import make_transport
-from labweb.domain.crutd.balance import Move
-from labweb.domain.crutd.decide import Outcome, OutcomeKind, confirmed_nl, settle
 from labweb.domain.crutd.ledger import Account
+from labweb.domain.crutd.mass_balance import MassMove
 from labweb.domain.crutd.operations import React, TransferLiquid
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind, confirmed_nl, settle
 from labweb.domain.crutd.snapshot import ResourceState
-from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
 from labweb.domain.resources.contents import LotId, add, remove
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.workflows.compile_workflow import PlannerView
 from labweb.domain.workflows.plan import Plan, PlannedJob
 from tests.fixtures.running import Process
 
@@ -36,11 +36,11 @@ class BenchRun:
     """The lab's record, its drivers and its bench."""
 
     def __init__(
-        self, lab: LabFile, view: LabView, bench: Process, drivers: Mapping[UUID, Any]
+        self, lab: LabFile, view: PlannerView, bench: Process, drivers: Mapping[UUID, Any]
     ) -> None:
         self.lab, self.bench, self.drivers = lab, bench, drivers
         self.states: dict[UUID, ResourceState] = dict(view.snapshot)
-        self.moves: list[Move] = []
+        self.moves: list[MassMove] = []
         self.reactions: list[React] = []
         self.ids = {resource.key: resource.id for resource in lab.resources}
 
@@ -66,7 +66,9 @@ class BenchRun:
                     state = self.states[UUID(account)]
                     held = move(state.contents, {posting.lot: posting.amount_nl})
                     self.states[state.id] = replace(state, contents=held)
-            self.moves.append(Move(posting.lot, posting.debit, posting.credit, posting.amount_nl))
+            self.moves.append(
+                MassMove(posting.lot, posting.debit, posting.credit, posting.amount_nl)
+            )
         if isinstance(operation, React):
             self.reactions.append(operation)
 
@@ -82,7 +84,7 @@ class BenchRun:
 
 
 @contextmanager
-def bench_run(lab: LabFile, view: LabView, folder: Path, *, speed: int) -> Iterator[BenchRun]:
+def bench_run(lab: LabFile, view: PlannerView, folder: Path, *, speed: int) -> Iterator[BenchRun]:
     """Start the bench of a lab file and its drivers, each with its plunger or valve as it is."""
     ends = {
         line: f"pty:{folder / f'line{number}'}"

@@ -31,8 +31,8 @@ from cryptography.x509.oid import NameOID
 from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
-from labweb.domain.enrollment.join import SERVER_NAME, Offer, code_of
-from labweb.domain.enrollment.sighting import Beacon, beacon_bytes
+from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes
+from labweb.domain.enrollment.host_join import SERVER_NAME, JoinOffer, code_of
 from tests.system.stack import CHECKOUT, Stack
 from workers.base.signatures import HostKey
 from workers.enrollment.host_identity import key_hash
@@ -239,7 +239,7 @@ class Between:
         target.close()
 
     async def _pretend(self, line: ServerConnection) -> None:
-        await line.send(msgspec.json.encode(Offer(ca=self.pem)).decode())
+        await line.send(msgspec.json.encode(JoinOffer(ca=self.pem)).decode())
         with contextlib.suppress(ConnectionClosed):
             async for text in line:
                 self.heard += str(text).encode()

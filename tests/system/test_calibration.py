@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.calibration.buffers import buffer_ph
-from labweb.domain.calibration.water import z_factor_ul_mg
+from labweb.domain.calibration.ph_buffers import buffer_ph
+from labweb.domain.calibration.water_density import z_factor_ul_mg
 from tests.builders import STARTER
 from tests.system.stack import Stack, is_over, running
 

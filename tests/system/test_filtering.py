@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from labweb.domain.recipes.xdl.declared import Declared
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
 from tests.domain.recipes.test_solid_recipes import ADD, DRY, FILTER, KEYS, WASH, document_of
 from tests.domain.workflows.solids import filter_raw
 from tests.system.stack import Stack, is_over, running

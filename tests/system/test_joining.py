@@ -18,7 +18,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
-from labweb.domain.enrollment.join import parse_token
+from labweb.domain.enrollment.host_join import parse_token
 from tests.system.joining import (
     Announcer,
     Between,

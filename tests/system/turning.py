@@ -10,8 +10,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-from labweb.domain.graph.lab_file.bench import bench_for
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.simulated_bench import bench_for
 from tests.fixtures.running import Process
 from tests.labs import lab_of_pumps
 from tests.system.joining import Announcer, Machine, page, submit, until

@@ -9,7 +9,7 @@ from drivers.catalog.conformance import check_driver, check_module
 from drivers.catalog.inspect import build_spec, read_class
 from drivers.catalog.scan import scan
 from drivers.catalog.source import read_source
-from labweb.domain.enrollment.spec import encode, parse
+from labweb.domain.enrollment.driver_spec import encode, parse
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 

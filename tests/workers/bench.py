@@ -21,21 +21,14 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from drivers.load import read_spec
 from drivers.transports.urls import line_key
-from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import TransferLiquid, to_json
-from labweb.domain.messages import (
-    Command,
-    DeviceConfig,
-    Do,
-    DriverApproval,
-    EdgeEvent,
-    LookOrder,
-    ResourceView,
-    Signed,
-    TryoutOrder,
-    Welcome,
-    event_hash,
-)
+from labweb.domain.crutd.pre_and_postconditions import Condition
+from labweb.domain.messages.commands import Command, Do, ResourceView
+from labweb.domain.messages.device_looks import LookOrder
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, DriverApproval, Signed
+from labweb.domain.messages.driver_tryouts import TryoutOrder
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.messages.session import Welcome
 from workers.base.system_clock import HostClock
 from workers.base.valkey_store import ValkeyStore
 from workers.journal.command_acceptance import Receipt, accept

@@ -13,30 +13,23 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
-from labweb.domain.files import WANTED, FileOffer, FilePart, FileParts, FileTaken
-from labweb.domain.messages import (
-    CLOSE_BAD_FRAME,
-    PROTOCOL_VERSION,
-    Ack,
+from labweb.domain.action_files import WANTED, FileOffer, FilePart, FileParts, FileTaken
+from labweb.domain.messages.commands import Nudge
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, Signed
+from labweb.domain.messages.events import Ack, EdgeEvent, EventsFrame
+from labweb.domain.messages.frames import CLOSE_BAD_FRAME, EdgeFrame, ServerFrame
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.session import (
     Challenge,
-    DeviceConfig,
-    EdgeEvent,
-    EdgeFrame,
-    Events,
     Heartbeat,
     Hello,
-    Nudge,
     Pulse,
     Refuse,
-    Resume,
-    ServerFrame,
-    Signed,
-    StopAcknowledged,
-    StopLab,
-    Telemetry,
-    TelemetryTaken,
+    ResumeSession,
     hello_bytes,
 )
+from labweb.domain.messages.stops import StopAcknowledged, StopLabFrame
+from labweb.domain.messages.telemetry import TelemetryFrame, TelemetryTaken
 from tests.workers.bench import Server
 
 
@@ -94,8 +87,8 @@ class Hub:
         return [frame for frame in self.frames if isinstance(frame, StopAcknowledged)]
 
     @property
-    def telemetry(self) -> list[Telemetry]:
-        return [frame for frame in self.frames if isinstance(frame, Telemetry)]
+    def telemetry(self) -> list[TelemetryFrame]:
+        return [frame for frame in self.frames if isinstance(frame, TelemetryFrame)]
 
     @property
     def heartbeats(self) -> list[Heartbeat]:
@@ -108,7 +101,7 @@ class Hub:
     def nudge(self, signed: Signed) -> None:
         self.send(Nudge(signed=signed))
 
-    def stop(self, stop: StopLab) -> None:
+    def stop(self, stop: StopLabFrame) -> None:
         self.send(stop)
 
     def cut(self) -> None:
@@ -155,7 +148,7 @@ class Hub:
         welcome = self.server.welcome(*self.devices, acked_seq=self.acked, **changes)
         socket.send(msgspec.json.encode(welcome).decode())
         if self.will_resume:
-            resume = Resume(epoch=self.server.epoch)
+            resume = ResumeSession(epoch=self.server.epoch)
             socket.send(msgspec.json.encode(resume).decode())
 
     def _say_time(self, socket: ServerConnection, frame: EdgeFrame) -> None:
@@ -170,7 +163,7 @@ class Hub:
             socket.close(CLOSE_BAD_FRAME, "frame heartbeat")
             return
         self._say_time(socket, frame)
-        if isinstance(frame, Events):
+        if isinstance(frame, EventsFrame):
             for event in frame.events:
                 if event.seq > self.acked:
                     assert event.seq == self.acked + 1, "a gap"
@@ -178,7 +171,7 @@ class Hub:
                     self.received_s[event.seq] = time.time()
             if self.is_acking:
                 socket.send(msgspec.json.encode(Ack(seq=self.acked)).decode())
-        if isinstance(frame, Telemetry) and self.is_storing:
+        if isinstance(frame, TelemetryFrame) and self.is_storing:
             socket.send(msgspec.json.encode(TelemetryTaken(key=frame.key)).decode())
         if isinstance(frame, FileOffer):
             self._say(socket, frame, self.file_codes.pop(0) if self.file_codes else WANTED)

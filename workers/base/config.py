@@ -10,7 +10,7 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.enrollment.sighting import expand_addresses
+from labweb.domain.enrollment.device_announcements import expand_addresses
 from labweb.domain.errors import DefinitionError
 from workers.base import faults
 

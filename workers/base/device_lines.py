@@ -6,8 +6,9 @@ import hashlib
 from collections.abc import Sequence
 
 from drivers.transports.urls import line_key
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import DeviceConfig, canonical
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 
 
 def lines_of(devices: Sequence[DeviceConfig]) -> dict[str, list[DeviceConfig]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain.messages import EdgeFrame, ServerFrame
+from labweb.domain.messages.frames import EdgeFrame, ServerFrame
 
 
 async def receive(socket: ClientConnection) -> ServerFrame:

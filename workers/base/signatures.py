@@ -21,7 +21,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import (
 )
 
 from labweb.domain.errors import EnrollmentError
-from labweb.domain.messages import Hello, Signed, hello_bytes
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.session import Hello, hello_bytes
 
 
 class HostKey:

@@ -7,7 +7,7 @@ import time
 
 
 class HostClock:
-    """The machine's clocks, as `labweb.domain.ports.Clock` wants them."""
+    """The machine's clocks, as `labweb.domain.clock_and_ids.Clock` wants them."""
 
     def now_s(self) -> float:
         """Return seconds since the Unix epoch, for records."""

@@ -1,7 +1,8 @@
 """Announce a device over DDS: `python -m workers.enrollment.announce FILE --key KEY`.
 
 Again and again, for the computer beside an instrument that has none of its own. FILE is JSON of
-what `labweb.domain.enrollment.sighting` describes, without key and signature, and with its address:
+what `labweb.domain.enrollment.device_announcements` describes, without key and signature, and with
+its address:
 
     {"name": "Stirrer", "model": "HS-1", "serial": "0815", "port": 5000, "address": "192.0.2.9"}
 """
@@ -18,7 +19,7 @@ import msgspec
 
 from drivers.transports.ros2.announcing import Announcements
 from drivers.transports.ros2.link import LinkSettings
-from labweb.domain.enrollment.sighting import (
+from labweb.domain.enrollment.device_announcements import (
     LONGEST_BEACON_BYTES,
     DdsBeacon,
     beacon_bytes,

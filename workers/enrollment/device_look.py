@@ -19,10 +19,11 @@ import msgspec
 from websockets.asyncio.client import ClientConnection
 
 from drivers.transports.urls import line_key
-from labweb.domain.enrollment.bundle import MAX_BUNDLE_BYTES, decode_bundle
-from labweb.domain.enrollment.tryout import READ_WITHIN_S
+from labweb.domain.enrollment.driver_bundle import MAX_BUNDLE_BYTES, decode_bundle
+from labweb.domain.enrollment.driver_tryout import READ_WITHIN_S
 from labweb.domain.errors import ConformanceError, LabError, StateError
-from labweb.domain.messages import LookOrder, LookPart, LookTold, Signed
+from labweb.domain.messages.device_looks import LookOrder, LookPart, LookTold
+from labweb.domain.messages.devices_and_drivers import Signed
 from workers.base.device_lines import lines_of
 from workers.base.server_frames import send
 from workers.base.signatures import is_signed

@@ -18,7 +18,7 @@ import msgspec
 
 from drivers.transports.scan import is_listening, serial_ports
 from drivers.transports.urls import line_key
-from labweb.domain.enrollment.sighting import (
+from labweb.domain.enrollment.device_announcements import (
     LONGEST_BEACON_BYTES,
     Beacon,
     DdsBeacon,
@@ -30,7 +30,8 @@ from labweb.domain.enrollment.sighting import (
     sighting_of,
 )
 from labweb.domain.errors import DefinitionError, LabError
-from labweb.domain.messages import DeviceConfig, Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.base.config import BeaconConfig, DdsConfig, DiscoveryConfig, HostConfig
 from workers.base.signatures import is_signature
 from workers.base.valkey_store import ValkeyStore

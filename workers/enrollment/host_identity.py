@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric.ec import ECDSA, EllipticCurvePublicKey
 from cryptography.x509.oid import NameOID
 
-from labweb.domain.enrollment.join import SERVER_NAME, renew_due_s
+from labweb.domain.enrollment.host_join import SERVER_NAME, renew_due_s
 from labweb.domain.errors import EnrollmentError
 from workers.base.signatures import HostKey, create_key, load_key, write_private
 

@@ -28,20 +28,20 @@ import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from labweb.domain.enrollment.join import (
+from labweb.domain.enrollment.host_join import (
     LONGEST_NAME,
     SERVER_NAME,
-    Admitted,
-    Ask,
+    AdmittedHost,
+    JoinAsk,
     JoinFrame,
-    Offer,
+    JoinOffer,
+    JoinWaiting,
     Token,
-    Waiting,
     code_of,
     parse_token,
 )
 from labweb.domain.errors import DefinitionError, EnrollmentError, LabError, UnreachableError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from workers.base.config import LONGEST_SOCKET_PATH
 from workers.base.host_lock import lock_folder
 from workers.base.signatures import HostKey, create_key, load_key, write_private
@@ -104,7 +104,7 @@ class HostFolder:
         return self.folder / "host.key.asking"
 
 
-def join(place: HostFolder, begun: BegunJoin, say: Callable[[str], None]) -> Admitted:
+def join(place: HostFolder, begun: BegunJoin, say: Callable[[str], None]) -> AdmittedHost:
     """Ask, show the code, and wait for the admin's answer; a broken line is tried again.
 
     Raises:
@@ -114,7 +114,7 @@ def join(place: HostFolder, begun: BegunJoin, say: Callable[[str], None]) -> Adm
     return asyncio.run(_join(place, begun, say))
 
 
-async def _join(place: HostFolder, begun: BegunJoin, say: Callable[[str], None]) -> Admitted:
+async def _join(place: HostFolder, begun: BegunJoin, say: Callable[[str], None]) -> AdmittedHost:
     token = parse_token(begun.token)
     key = load_key(place.asking_file)
     authority = await fetch_authority(begun.server, token, say)
@@ -154,13 +154,13 @@ async def fetch_authority(server: str, token: Token, say: Callable[[str], None])
         raise UnreachableError(f"no labweb door answers at {server}: {error}") from error
     _heed(offer)
     try:
-        found = key_hash(offer.ca) if isinstance(offer, Offer) else ""
+        found = key_hash(offer.ca) if isinstance(offer, JoinOffer) else ""
     except ValueError:
         found = ""
     if not hmac.compare_digest(found, token.ca_hash):
         raise _impostor(f"its authority is {found[:16] or 'none'}…, not {token.ca_hash[:16]}…")
     say(f"the server is the lab's own: its authority is {found[:16]}…")
-    return offer.ca if isinstance(offer, Offer) else ""
+    return offer.ca if isinstance(offer, JoinOffer) else ""
 
 
 def _heed(frame: JoinFrame) -> None:
@@ -232,7 +232,7 @@ class JoinScreen:
 
 async def _ask(line: ClientConnection, key: HostKey, token: Token, begun: BegunJoin) -> None:
     _heed(await _receive(line))
-    ask = Ask(
+    ask = JoinAsk(
         token_id=token.token_id,
         secret=token.secret,
         csr=signing_request(key),
@@ -243,24 +243,24 @@ async def _ask(line: ClientConnection, key: HostKey, token: Token, begun: BegunJ
     await line.send(msgspec.json.encode(ask).decode())
 
 
-async def _wait(line: ClientConnection, screen: JoinScreen) -> Admitted:
+async def _wait(line: ClientConnection, screen: JoinScreen) -> AdmittedHost:
     while True:
         try:
             frame = await _receive(line, None)
         except ConnectionClosed as error:
             raise EOFError("the server closed") from error
         match frame:
-            case Waiting():
+            case JoinWaiting():
                 screen.show()
-            case Admitted():
+            case AdmittedHost():
                 return frame
             case Refuse():
                 raise EnrollmentError(f"the server says: {frame.message}", code=frame.code)
-            case Offer():
+            case JoinOffer():
                 raise EOFError("the server began again")
 
 
-def _settle(place: HostFolder, begun: BegunJoin, authority: str, answer: Admitted) -> None:
+def _settle(place: HostFolder, begun: BegunJoin, authority: str, answer: AdmittedHost) -> None:
     """Become the host: in this order, so that a crash in between only repeats it."""
     config = {
         "host_id": str(answer.host_id),

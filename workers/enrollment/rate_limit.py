@@ -21,8 +21,8 @@ import secrets
 import time
 from collections.abc import Callable, Collection
 
-from labweb.domain.enrollment.sighting import Beacon, mark_of
-from labweb.domain.messages import Sighting
+from labweb.domain.enrollment.device_announcements import Beacon, mark_of
+from labweb.domain.messages.certificates_and_sightings import Sighting
 
 SHARES_COUNT = 256
 SHARE_PACKETS_PER_S = 2.0

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import msgspec
 from celery import Celery
 
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 from workers.base.celery_apps import ACCEPT, EXECUTE
 
 log = logging.getLogger(__name__)

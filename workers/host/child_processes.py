@@ -13,7 +13,7 @@ from signal import SIGKILL, SIGTERM, SIGUSR2, Signals
 from typing import Protocol
 from uuid import UUID
 
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 
 log = logging.getLogger(__name__)
 

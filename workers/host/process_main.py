@@ -17,7 +17,7 @@ from signal import SIGCHLD, SIGUSR2, signal
 from celery import Celery
 from celery.signals import worker_ready, worker_shutting_down
 
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 from workers.base import logs
 from workers.base.celery_apps import WORKER_OPTIONS, make_accept_app, make_host_app
 from workers.base.config import HostConfig, command_queue, line_queue, load_config

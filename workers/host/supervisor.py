@@ -12,7 +12,7 @@ from signal import SIGCHLD, SIGINT, SIGKILL, SIGTERM, signal
 from redis.exceptions import RedisError
 
 from labweb.domain.errors import LabError, StateError
-from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.host_journal.action_states import ActionState
 from workers.base.celery_apps import make_host_app, wake
 from workers.base.config import HostConfig, line_queue
 from workers.base.device_lines import fingerprint, lines_of

@@ -9,12 +9,13 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.canonical import without_null
-from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
-from labweb.domain.runs.edge import ActionState, HostState
-from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
-from labweb.domain.runs.moment import Moment
-from labweb.domain.runs.standing import state_of
+from labweb.domain.canonical_json import canonical, without_null
+from labweb.domain.messages.commands import ResourceView
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.runs.host_actions.host_state import state_of
+from labweb.domain.runs.host_journal.action_states import ActionState, HostState
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, HeldResource, JournalError
 from workers.journal.journal_schema import SELECT_ACTION, SELECT_STATE, SELECT_UNFINISHED, to_action
 
 PROGRESS = frozenset({"accepted", "started", "actuated"})
@@ -32,7 +33,7 @@ class AtomicWrite:
         *,
         journal_id: UUID,
         head: tuple[int, str],
-        moment: Callable[[], Moment],
+        moment: Callable[[], HostMoment],
     ) -> None:
         self._connection = connection
         self._journal_id = journal_id

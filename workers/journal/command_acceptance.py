@@ -8,11 +8,12 @@ from collections.abc import Callable
 
 import msgspec
 
-from labweb.domain.messages import Batch, Command, Do, Signed, decode_command
-from labweb.domain.runs import edge
-from labweb.domain.runs.edge import Answer
-from labweb.domain.runs.taking import Receipt as Receipt
-from labweb.domain.runs.taking import record_refusal, take_command
+from labweb.domain.messages.commands import Command, Do, HostBatch, decode_command
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.runs.host_actions.command_acceptance import Receipt as Receipt
+from labweb.domain.runs.host_actions.command_acceptance import record_refusal, take_command
+from labweb.domain.runs.host_journal import action_states
+from labweb.domain.runs.host_journal.action_states import HostAnswer
 from workers.base import faults
 from workers.base.device_lines import lines_of
 from workers.base.signatures import is_signed
@@ -31,7 +32,7 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
         JournalError: It could not be written; the command may come again.
     """
     command = _read(journal, signed)
-    is_work = isinstance(command, Batch | Do)
+    is_work = isinstance(command, HostBatch | Do)
     if isinstance(command, Receipt):
         receipt = command
     else:
@@ -41,7 +42,7 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
             receipt = take_command(tx, signed, command, at=journal.moment(), line_of=lines.get)
             faults.point("accept.before_commit")
         faults.point("accept.after_commit")
-    if receipt.answer.kind in {edge.DROP, edge.REFUSE}:
+    if receipt.answer.kind in {action_states.DROP, action_states.REFUSE}:
         log.warning("command %s: %s", receipt.answer.kind, receipt.answer.message)
     for line in (*receipt.lines, *([] if receipt.line is None else [receipt.line])):
         wake(line)
@@ -53,7 +54,9 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
 
 def _read(journal: Journal, signed: Signed) -> Command | Receipt:
     if not is_signed(signed, journal.command_keys()):
-        answer = Answer(edge.REFUSE, "envelope.bad_signature", "no known key signed this text")
+        answer = HostAnswer(
+            action_states.REFUSE, "envelope.bad_signature", "no known key signed this text"
+        )
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
         with journal.write() as tx:
             record_refusal(tx, f"signature:{journal.host_state().epoch}", None, answer, digest)
@@ -61,7 +64,7 @@ def _read(journal: Journal, signed: Signed) -> Command | Receipt:
     try:
         return decode_command(signed.body)
     except msgspec.MsgspecError as exc:
-        answer = Answer(edge.REFUSE, "envelope.malformed", f"no command: {exc}")
+        answer = HostAnswer(action_states.REFUSE, "envelope.malformed", f"no command: {exc}")
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
         with journal.write() as tx:
             record_refusal(tx, f"malformed:{digest}", None, answer, digest)

@@ -16,7 +16,7 @@ from pathlib import Path
 import msgspec
 
 from labweb.domain.errors import LabError
-from labweb.domain.runs.countersigning import META, kept_heads
+from labweb.domain.runs.host_journal.countersigned_heads import META, kept_heads
 from workers.base.config import load_config
 from workers.journal.journal import Journal
 

@@ -21,16 +21,19 @@ from uuid import UUID, uuid4
 
 import msgspec
 
-from labweb.domain.messages import (
-    MAX_EVENTS_PER_FRAME,
-    MAX_FRAME_BYTES,
-    DeviceConfig,
-    EdgeEvent,
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import MAX_EVENTS_PER_FRAME, EdgeEvent
+from labweb.domain.messages.frames import MAX_FRAME_BYTES
+from labweb.domain.runs.host_actions.host_state import state_of
+from labweb.domain.runs.host_journal.action_states import ActionState, HostState
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_journal.journal_rows import (
+    ActionRow,
+    JournalChain,
+    JournalError,
+    Seal,
+    find_regression,
 )
-from labweb.domain.runs.edge import ActionState, HostState
-from labweb.domain.runs.journal import ActionRow, Chain, JournalError, Seal, find_regression
-from labweb.domain.runs.moment import Moment
-from labweb.domain.runs.standing import state_of
 from workers.base import faults
 from workers.base.wake_pipe import ring
 from workers.journal import journal_schema as schema
@@ -122,11 +125,13 @@ class Journal:
         seal = self.seal()
         seq, _ = self.head()
         known = None if seal is None else self._hash_at(seal.seq)
-        return find_regression(Chain(journal_id=self.journal_id, seq=seq, hash_at_seal=known), seal)
+        return find_regression(
+            JournalChain(journal_id=self.journal_id, seq=seq, hash_at_seal=known), seal
+        )
 
-    def moment(self) -> Moment:
+    def moment(self) -> HostMoment:
         """Return now, by this host's clocks."""
-        return Moment(boot_id=self.boot_id, mono_s=self.mono_s(), wall_s=self.wall_s())
+        return HostMoment(boot_id=self.boot_id, mono_s=self.mono_s(), wall_s=self.wall_s())
 
     def devices(self) -> list[DeviceConfig]:
         """Return the devices that the server last told this host to serve."""

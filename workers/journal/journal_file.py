@@ -12,7 +12,7 @@ import threading
 import time
 from pathlib import Path
 
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 
 BUSY_TIMEOUT_S = 5.0
 BUSY_LOOK_S = 0.0002

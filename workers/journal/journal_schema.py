@@ -8,11 +8,11 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.edge import FINAL, ActionState
-from labweb.domain.runs.journal import ActionRow as ActionRow
-from labweb.domain.runs.journal import JournalError as JournalError
-from labweb.domain.runs.standing import STATE_KEYS
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.host_actions.host_state import STATE_KEYS
+from labweb.domain.runs.host_journal.action_states import FINAL, ActionState
+from labweb.domain.runs.host_journal.journal_rows import ActionRow as ActionRow
+from labweb.domain.runs.host_journal.journal_rows import JournalError as JournalError
 
 # An action's row has a conclusion that nobody writes any more: its end is an event.
 VERSION_1 = """

@@ -18,8 +18,8 @@ from pathlib import Path
 
 import msgspec
 
-from labweb.domain.runs.journal import JournalError, is_raised
-from labweb.domain.runs.journal import Seal as Seal
+from labweb.domain.runs.host_journal.journal_rows import JournalError, is_raised
+from labweb.domain.runs.host_journal.journal_rows import Seal as Seal
 from workers.base import faults
 
 BLOCK_BYTES = 4096

@@ -10,16 +10,16 @@ from typing import Any, Literal
 
 from drivers.base import DataFile
 from drivers.base import Report as DriverReport
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.crutd.decide import confirmed_nl
-from labweb.domain.enrollment.guards import watchdog_s
+from labweb.domain.action_files import MEDIA_TYPES, NamedFile, check_files, plain_media_type
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.crutd.settlement import confirmed_nl
+from labweb.domain.enrollment.action_guards import watchdog_s
 from labweb.domain.errors import DeviceError, Effect, LabError
-from labweb.domain.files import MEDIA_TYPES, NamedFile, check_files, plain_media_type
-from labweb.domain.messages import Do
-from labweb.domain.ports import Clock
-from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.messages.commands import Do
+from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.event_bodies import plain
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers.base import faults
 from workers.line.device_unit import DeviceUnit
 
@@ -217,7 +217,7 @@ def _moved_nl(do: Do, report: DriverReport) -> int | None:
 def _true_nl(do: Do, told_ul: object) -> int | None:
     """Return what a volume that the device tells is by the calibration that it was sent with."""
     told_nl = _to_nl(told_ul)
-    volumes = (one for one in do.corrections if one.quantity is Quantity.VOLUME)
+    volumes = (one for one in do.corrections if one.quantity is CalibrationQuantity.VOLUME)
     correction = next(volumes, None)
     if told_nl is None or correction is None:
         return told_nl

@@ -21,7 +21,7 @@ from uuid import UUID
 import msgspec
 
 from drivers.base import DataFile
-from labweb.domain.crutd.conditions import Condition, Result, Verdict
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult, ConditionVerdict
 from labweb.domain.errors import LabError, StateError
 from workers.base.valkey_store import ValkeyStore
 from workers.line.device_unit import DeviceUnit
@@ -37,7 +37,7 @@ MOST_WAITING_BYTES = 2 * 2**30
 RESERVE_BYTES = 2**30
 """What files leave free of the disk, on which the journal lies too."""
 
-Judged = Sequence[tuple[Condition, Result]]
+Judged = Sequence[tuple[Condition, ConditionResult]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +202,7 @@ class PictureKeeper:
         self._units = units
         self._store = store
 
-    def back(self, action_id: UUID, judged: Judged) -> list[tuple[Condition, Result]]:
+    def back(self, action_id: UUID, judged: Judged) -> list[tuple[Condition, ConditionResult]]:
         """Keep the pictures behind the verdicts; one without its picture tells nothing."""
         return [(one, self._backed(action_id, one, result)) for one, result in judged]
 
@@ -229,14 +229,16 @@ class PictureKeeper:
             if isinstance(sha256, str):
                 self._keep(action_id, device_id, sha256)
 
-    def _backed(self, action_id: UUID, condition: Condition, result: Result) -> Result:
+    def _backed(
+        self, action_id: UUID, condition: Condition, result: ConditionResult
+    ) -> ConditionResult:
         sha256 = result.evidence.get("image_sha256")
         if condition.image_status is None or not isinstance(sha256, str):
             return result
         if self._keep(action_id, condition.device_id, sha256):
             return result
         text = f"the picture behind {condition.status} could not be kept"
-        return msgspec.structs.replace(result, verdict=Verdict.UNOBSERVABLE, message=text)
+        return msgspec.structs.replace(result, verdict=ConditionVerdict.UNOBSERVABLE, message=text)
 
     def _keep(self, action_id: UUID, device_id: UUID, sha256: str) -> bool:
         data = self._find(device_id, sha256)

@@ -7,10 +7,10 @@ import threading
 from collections.abc import Callable, Sequence
 from uuid import UUID
 
-from labweb.domain.messages import Do
-from labweb.domain.ports import Clock
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow, JournalError
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.messages.commands import Do
+from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from workers.journal.journal import Journal
 from workers.line.action_execution import ActionExecution, ActionResult
 from workers.line.device_unit import DeviceUnit

@@ -8,10 +8,11 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd.conditions import (
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.crutd.pre_and_postconditions import (
     Condition,
-    Result,
-    Verdict,
+    ConditionResult,
+    ConditionVerdict,
     evaluate,
     lacks_baseline,
     spread,
@@ -19,8 +20,7 @@ from labweb.domain.crutd.conditions import (
     unreadable_baselines,
 )
 from labweb.domain.errors import LabError
-from labweb.domain.ports import Clock
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers.base.valkey_store import StatusSample, ValkeyStore
 from workers.line.device_unit import DeviceUnit
 
@@ -88,7 +88,7 @@ class ConditionReader:
             failed = [
                 one
                 for one, result in judged(conditions, found, {})
-                if result.verdict is not Verdict.PASS and one.device_id not in self._units
+                if result.verdict is not ConditionVerdict.PASS and one.device_id not in self._units
             ]
             is_late = self._clock.monotonic_s() - began_s > OLDEST_READING_S
             if is_late or is_over() or not any(self._is_older(one, began_s) for one in failed):
@@ -110,7 +110,7 @@ class ConditionReader:
         *,
         is_over: Callable[[], bool],
         is_cut: Callable[[], bool] = lambda: False,
-    ) -> list[tuple[Condition, Result]] | None:
+    ) -> list[tuple[Condition, ConditionResult]] | None:
         """Judge the conditions, and give each its time to become true, or until `is_cut`.
 
         A picture counts only when it was taken from here on: one from before the act, or
@@ -127,7 +127,7 @@ class ConditionReader:
             hopeful = [
                 one
                 for one, result in found
-                if result.verdict is not Verdict.PASS and waited_s < one.timeout_s
+                if result.verdict is not ConditionVerdict.PASS and waited_s < one.timeout_s
             ]
             if not hopeful or is_cut():
                 self._share(now)
@@ -205,26 +205,30 @@ class ConditionReader:
 
 def judged(
     conditions: Sequence[Condition], now: Mapping[Key, Any], before: Mapping[Key, Any]
-) -> list[tuple[Condition, Result]]:
+) -> list[tuple[Condition, ConditionResult]]:
     """Judge the conditions on readings of this moment that are there already."""
     return [(one, _evaluate(one, now, before)) for one in conditions]
 
 
 def unconfirmable(
     post: Sequence[Condition], before: Mapping[Key, Any]
-) -> list[tuple[Condition, Result]]:
+) -> list[tuple[Condition, ConditionResult]]:
     """Judge before the start what nobody could confirm after it."""
     by_name = {one.name: one for one in post}
     return [(by_name[result.name], result) for result in unreadable_baselines(post, before)]
 
 
-def _evaluate(condition: Condition, now: Mapping[Key, Any], before: Mapping[Key, Any]) -> Result:
+def _evaluate(
+    condition: Condition, now: Mapping[Key, Any], before: Mapping[Key, Any]
+) -> ConditionResult:
     """Judge one condition; a text where a number is wanted tells nothing."""
     try:
         return evaluate(condition, now, before)
     except (TypeError, ValueError):
         text = f"{condition.status} is no number"
-        return Result(name=condition.name, verdict=Verdict.UNOBSERVABLE, message=text)
+        return ConditionResult(
+            name=condition.name, verdict=ConditionVerdict.UNOBSERVABLE, message=text
+        )
 
 
 def prestate_body(readings: Mapping[Key, Any]) -> dict[str, Any]:

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 from uuid import UUID
 
+from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import LabError
-from labweb.domain.ports import Clock
-from labweb.domain.runs.acting import Found
-from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.halting import MAY_MOVE, note_waiting, write_late_halt
-from labweb.domain.runs.journal import JournalError
-from labweb.domain.runs.motion import is_moving, tells_motion
+from labweb.domain.runs.halts.device_motion import is_moving, tells_motion
+from labweb.domain.runs.halts.halted_setpoints import MAY_MOVE, note_waiting, write_late_halt
+from labweb.domain.runs.host_actions.action_execution import FoundDevice
+from labweb.domain.runs.host_journal.event_bodies import plain
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.journal.journal import Journal
 from workers.line.device_unit import DeviceUnit
 
@@ -29,7 +29,7 @@ STAND_S = 5.0
 PAUSE_S = 0.25
 
 
-def halt_and_look(unit: DeviceUnit | None, clock: Clock) -> Found:
+def halt_and_look(unit: DeviceUnit | None, clock: Clock) -> FoundDevice:
     """Halt a device, and read its statuses until two readings in a row tell the same of motion.
 
     Effect:
@@ -37,7 +37,7 @@ def halt_and_look(unit: DeviceUnit | None, clock: Clock) -> Found:
     """
     if unit is None:
         text = f"{MAY_MOVE}: this host does not serve it"
-        return Found(is_halted=False, is_owed=True, text=text)
+        return FoundDevice(is_halted=False, is_owed=True, text=text)
     deadline_s = clock.monotonic_s() + REACH_S
     while not unit.is_online and clock.monotonic_s() < deadline_s:
         unit.connect_if_due()
@@ -45,17 +45,17 @@ def halt_and_look(unit: DeviceUnit | None, clock: Clock) -> Found:
             clock.wait(PAUSE_S)
     if not unit.is_online:
         text = f"{MAY_MOVE}: it does not answer, and was not halted; it is once it answers"
-        return Found(is_halted=False, is_owed=True, text=text)
+        return FoundDevice(is_halted=False, is_owed=True, text=text)
     try:
         unit.halt()
     except LabError as error:
         # It may have heard the word all the same: what it was set to is not known either way.
         text = f"{MAY_MOVE}: it could not be halted, {error.message}"
-        return Found(is_halted=True, is_owed=True, text=text, readings=_readings(unit))
+        return FoundDevice(is_halted=True, is_owed=True, text=text, readings=_readings(unit))
     return _watched(unit, clock)
 
 
-def _watched(unit: DeviceUnit, clock: Clock) -> Found:
+def _watched(unit: DeviceUnit, clock: Clock) -> FoundDevice:
     deadline_s = clock.monotonic_s() + STAND_S
     before = _readings(unit)
     while True:
@@ -72,18 +72,18 @@ def _watched(unit: DeviceUnit, clock: Clock) -> Found:
         if clock.monotonic_s() > deadline_s:
             names = ", ".join([*changing, *silent])
             text = f"{MAY_MOVE}: it was halted, and {names} did not come to rest"
-            return Found(is_halted=True, text=text, readings=now)
+            return FoundDevice(is_halted=True, text=text, readings=now)
         before = now
     if not now:
         unit.check_link()
     if not unit.is_online:
         # Some devices answer no command: that the word was sent says nothing.
         text = f"{MAY_MOVE}: it was told to halt, and does not answer"
-        return Found(is_halted=True, is_owed=True, text=text)
+        return FoundDevice(is_halted=True, is_owed=True, text=text)
     if not any(tells_motion(name) for name in now):
         text = "its device was halted; it tells nothing by which one sees that it stands"
-        return Found(is_halted=True, text=text, readings=now)
-    return Found(is_halted=True, text="its device was halted, and stands", readings=now)
+        return FoundDevice(is_halted=True, text=text, readings=now)
+    return FoundDevice(is_halted=True, text="its device was halted, and stands", readings=now)
 
 
 def _readings(unit: DeviceUnit) -> dict[str, Any]:

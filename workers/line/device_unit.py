@@ -10,9 +10,9 @@ from typing import Any
 
 from drivers.base import Driver, Report
 from drivers.load import call_action, read_status
+from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import DeviceError, LabError
-from labweb.domain.messages import DeviceConfig
-from labweb.domain.ports import Clock
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 
 log = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.journal.journal import Journal
 
 

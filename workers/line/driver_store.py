@@ -18,13 +18,13 @@ import msgspec
 from drivers.base import Driver
 from drivers.load import load_bundle, load_driver, read_spec
 from drivers.transports.base import Transport
-from labweb.domain.enrollment.bundle import (
+from labweb.domain.enrollment.driver_bundle import (
     decode_bundle,
     digest_of,
     encode_bundle,
 )
 from labweb.domain.errors import ConformanceError
-from labweb.domain.messages import DeviceConfig, DriverApproval, Signed
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, DriverApproval, Signed
 from workers.base.signatures import is_signed
 
 UPLOAD, RELEASE = "upload", "release"

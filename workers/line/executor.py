@@ -11,17 +11,18 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd.conditions import Condition, Result
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult
 from labweb.domain.errors import StateError
-from labweb.domain.messages import Do
-from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, edge, meeting
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.bodies import plain, report_from
-from labweb.domain.runs.context import context_body
-from labweb.domain.runs.edge import ActionState, Answer, Report
-from labweb.domain.runs.journal import ActionRow, JournalError
-from labweb.domain.runs.meeting import Stand
+from labweb.domain.messages.commands import Do
+from labweb.domain.runs.host_actions import action_execution as acting
+from labweb.domain.runs.host_actions.action_execution import Started
+from labweb.domain.runs.host_journal import action_states, paired_actions
+from labweb.domain.runs.host_journal.action_states import ActionState, HostAnswer, Report
+from labweb.domain.runs.host_journal.event_bodies import plain, report_from
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
+from labweb.domain.runs.host_journal.paired_actions import PairStand
+from labweb.domain.runs.host_journal.surroundings import context_body
 from workers.base import faults
 from workers.base.valkey_store import ValkeyStore
 from workers.journal.journal import Journal
@@ -186,13 +187,13 @@ class Executor:
             with self._journal.write() as tx:
                 answer = acting.decide_now(tx, row, do, self._journal.moment(), [])
                 acting.write_rejection(tx, row, answer, ())
-            return answer.kind == edge.REJECT
+            return answer.kind == action_states.REJECT
         post = conditions_of(do.post)
         if not self._reader.await_baselines(post, is_over=self._is_closing):
             return False
         # Each status is asked for once: a slow wire takes longer than all of the rest.
         before = self._reader.read_now(conditions, post, is_over=self._is_closing)
-        scene = acting.Scene(
+        scene = action_states.HostScene(
             pid=os.getpid(),
             driver_digest=unit.config.digest,
             prestate=plain(condition_readings.prestate_body(before)),
@@ -206,26 +207,26 @@ class Executor:
         )
         faults.point("execute.before_started")
         found = self._start(row, scene)
-        if isinstance(found, Answer):
-            return found.kind == edge.REJECT or self._try_giver(row, found)
+        if isinstance(found, HostAnswer):
+            return found.kind == action_states.REJECT or self._try_giver(row, found)
         self._carry_out(found, unit, before)
         return True
 
-    def _start(self, row: ActionRow, scene: acting.Scene) -> Answer | Started:
-        start = acting.start if meeting.partner_of(row.do) is None else acting.start_both
+    def _start(self, row: ActionRow, scene: action_states.HostScene) -> HostAnswer | Started:
+        start = acting.start if paired_actions.partner_of(row.do) is None else acting.start_both
         with self._journal.write() as tx:
             found = start(tx, row, row.do, at=self._journal.moment(), scene=scene)
         wake = partial(self._wake_others, self._journal, row.do)
-        if isinstance(found, Answer) and found.code == meeting.WAITS:
+        if isinstance(found, HostAnswer) and found.code == paired_actions.WAITS:
             over = self._is_closing
             return paired_start.meet(
                 self._journal, row, scene, self._clock, wake=wake, is_over=over
             )
-        if isinstance(found, Answer):
+        if isinstance(found, HostAnswer):
             wake()
         return found
 
-    def _try_giver(self, row: ActionRow, answer: Answer) -> bool:
+    def _try_giver(self, row: ActionRow, answer: HostAnswer) -> bool:
         """Try the action of this line that gives to one that is ready to receive."""
         other = paired_start.giver_here(self._journal, row, answer)
         return other is not None and self._try(other)
@@ -242,7 +243,7 @@ class Executor:
                 if line != self._line:
                     self._wake(line)
 
-    def _reject(self, row: ActionRow, answer: Answer) -> bool:
+    def _reject(self, row: ActionRow, answer: HostAnswer) -> bool:
         with self._journal.write() as tx:
             acting.reject(tx, row, answer)
         self._wake_others(self._journal, row.do)
@@ -290,7 +291,7 @@ class Executor:
             self._finish(row, action_execution.without_files(do, acted.report, error), [])
             return False
         context = self._context(unit)
-        if not do.post and meeting.partner_of(do) is None:
+        if not do.post and paired_actions.partner_of(do) is None:
             # Nothing is read between answer and end: one write holds both.
             self._finish(row, acted.report, [], context, self._following(row, unit, context))
             return False
@@ -317,9 +318,9 @@ class Executor:
         """
         over, cut = self._is_closing, partial(start_checks.is_given_up, self._journal, row)
         stands = paired_start.await_partner(self._journal, row, self._clock, is_over=over)
-        if stands is Stand.FAILED:
-            self._finish(row, meeting.failed(report), [])
-        if stands is not Stand.GO_ON:
+        if stands is PairStand.FAILED:
+            self._finish(row, paired_actions.failed(report), [])
+        if stands is not PairStand.GO_ON:
             return
         post = self._reader.await_all(conditions_of(do.post), before, is_over=over, is_cut=cut)
         if post is None:
@@ -355,7 +356,7 @@ class Executor:
             do = following.do
             if following.device_id != row.device_id or do.pre or do.post:
                 return None
-            if meeting.partner_of(do) is not None:
+            if paired_actions.partner_of(do) is not None:
                 return None
             if start_checks.is_for_next(self._journal, do, unit):
                 return None
@@ -364,7 +365,7 @@ class Executor:
         except JournalError as error:
             log.error("what comes next cannot be read: %s", error)
             return None
-        scene = acting.Scene(
+        scene = action_states.HostScene(
             pid=os.getpid(),
             driver_digest=unit.config.digest,
             prestate=plain(condition_readings.prestate_body({})),
@@ -384,7 +385,7 @@ class Executor:
         self,
         row: ActionRow,
         report: Report,
-        post: list[tuple[Condition, Result]],
+        post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None = None,
         following: FollowingAction | None = None,
     ) -> None:

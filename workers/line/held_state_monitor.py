@@ -7,12 +7,19 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
-from labweb.domain.enrollment.kept import SURE_S, Kept, Seen, completed, kept_by, look
-from labweb.domain.ports import Clock
-from labweb.domain.runs.halting import sort_of
-from labweb.domain.runs.journal import JournalError
-from labweb.domain.runs.stands import KEY, Stands, read_stands
-from labweb.domain.runs.vanishing import write_vanished
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.enrollment.setpoint_readback import (
+    SURE_S,
+    KeptReading,
+    Seen,
+    completed,
+    kept_by,
+    look,
+)
+from labweb.domain.runs.halts.halted_setpoints import sort_of
+from labweb.domain.runs.halts.standing_setpoints import KEY, StandingSetpoint, read_stands
+from labweb.domain.runs.halts.vanished_setpoints import write_vanished
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.base.valkey_store import StatusSample
 from workers.journal.journal import Journal
 from workers.line.device_unit import DeviceUnit
@@ -35,7 +42,7 @@ class WatchedReading:
 
     action_id: UUID
     sort: str | None
-    kept: Kept
+    kept: KeptReading
 
 
 class HeldStateMonitor:
@@ -55,7 +62,7 @@ class HeldStateMonitor:
         self._clock = clock
         self._pace = pace
         self._refreshed_s = float("-inf")
-        self._stands: dict[UUID, dict[UUID, Stands]] = {}
+        self._stands: dict[UUID, dict[UUID, StandingSetpoint]] = {}
         self._seen: dict[UUID, dict[WatchedReading, Seen]] = {}
 
     def period_s(self, unit: DeviceUnit, status: str, period_s: float) -> float:
@@ -105,7 +112,9 @@ class HeldStateMonitor:
         self._stands = {one: {each.action_id: each for each in all_} for one, all_ in mine.items()}
         self._seen = {one: self._watched(self._units[one], all_) for one, all_ in mine.items()}
 
-    def _watched(self, unit: DeviceUnit, stands: Iterable[Stands]) -> dict[WatchedReading, Seen]:
+    def _watched(
+        self, unit: DeviceUnit, stands: Iterable[StandingSetpoint]
+    ) -> dict[WatchedReading, Seen]:
         """Return what is to be looked at of a device, with what was seen of it before."""
         before = self._seen.get(unit.config.id, {})
         keys = [

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from urllib.parse import urlsplit
 
 from drivers.transports.urls import addresses_of
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.base import faults
 from workers.base.config import HostConfig, line_queue
 from workers.line.driver_store import DriverStore

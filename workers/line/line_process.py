@@ -13,11 +13,11 @@ from uuid import UUID
 
 from drivers.transports.base import Transport
 from drivers.transports.urls import make_transport
+from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import LabError
-from labweb.domain.messages import DeviceConfig
-from labweb.domain.ports import Clock
-from labweb.domain.runs import halting
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.base.config import HostConfig, line_queue
 from workers.base.device_lines import lines_of
 from workers.base.system_clock import HostClock
@@ -252,7 +252,7 @@ class StopWatch:
             if owing:
                 with journal.write() as tx:
                     for device_id in owing:
-                        halting.owe_halt(tx, device_id, halting.STOPPED, None)
+                        halted_setpoints.owe_halt(tx, device_id, halted_setpoints.STOPPED, None)
         except JournalError:
             log.exception("which devices are still to be halted is not on disk: none may act")
             return

@@ -16,8 +16,8 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import TypeVar, cast
 
-from labweb.domain.messages import Signed
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers.base.signatures import is_signed
 
 T = TypeVar("T")

@@ -7,13 +7,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from labweb.domain.crutd.conditions import Condition, Result
-from labweb.domain.messages import Do
-from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, halting
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow, JournalError
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult
+from labweb.domain.messages.commands import Do
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_actions import action_execution
+from labweb.domain.runs.host_actions.action_execution import Started
+from labweb.domain.runs.host_journal.action_states import HostScene, Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from workers.base import faults
 from workers.base.disk_space import is_short
 from workers.journal.journal import Journal
@@ -35,7 +36,7 @@ class FollowingAction:
 
     row: ActionRow
     do: Do
-    scene: acting.Scene
+    scene: HostScene
     meanwhile: Callable[[], None]
     """Is called when all is ready for the disk, which takes its time."""
 
@@ -60,7 +61,7 @@ class OutcomeRecord:
         self,
         row: ActionRow,
         report: Report,
-        post: list[tuple[Condition, Result]],
+        post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None = None,
         following: FollowingAction | None = None,
     ) -> Started | None:
@@ -90,26 +91,26 @@ class OutcomeRecord:
 
     def _write_halt(self, row: ActionRow, is_owed: bool) -> None:  # noqa: FBT001 - private
         with self._journal.write(is_sealed=False) as tx:
-            halting.halt_with_action(tx, row, is_owed=is_owed)
+            halted_setpoints.halt_with_action(tx, row, is_owed=is_owed)
 
     def _write_answer(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
         with self._journal.write(is_sealed=False) as tx:
-            acting.write_actuated(tx, row, report, context)
+            action_execution.write_actuated(tx, row, report, context)
 
     def _write_end(
         self,
         row: ActionRow,
         report: Report,
-        post: list[tuple[Condition, Result]],
+        post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None,
         following: FollowingAction | None,
     ) -> Started | None:
         with self._journal.write(is_sealed=False) as tx:
-            acting.write_end(tx, row, report, post, answered)
+            action_execution.write_end(tx, row, report, post, answered)
             faults.point("execute.before_done")
             if following is None:
                 return None
-            found = acting.start(
+            found = action_execution.start(
                 tx, following.row, following.do, at=self._journal.moment(), scene=following.scene
             )
             following.meanwhile()

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, edge, meeting
-from labweb.domain.runs.acting import Started
-from labweb.domain.runs.edge import FINAL, ActionState, Answer
-from labweb.domain.runs.journal import ActionRow, JournalError
-from labweb.domain.runs.meeting import Stand
+from labweb.domain.clock_and_ids import Clock
+from labweb.domain.runs.host_actions import action_execution
+from labweb.domain.runs.host_actions.action_execution import Started
+from labweb.domain.runs.host_journal import action_states, paired_actions
+from labweb.domain.runs.host_journal.action_states import FINAL, ActionState, HostAnswer
+from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
+from labweb.domain.runs.host_journal.paired_actions import PairStand
 from workers.journal.journal import Journal
 from workers.line.action_watchdog import AbandonedActionError
 
@@ -23,12 +24,12 @@ POLL_S = 0.01
 def meet(
     journal: Journal,
     row: ActionRow,
-    scene: acting.Scene,
+    scene: action_states.HostScene,
     clock: Clock,
     *,
     wake: Callable[[], None],
     is_over: Callable[[], bool],
-) -> Answer | Started:
+) -> HostAnswer | Started:
     """Wait for the action of another line that begins at the same moment.
 
     Args:
@@ -53,7 +54,9 @@ def meet(
     try:
         wake()
         if other_here(journal, row) is not None:
-            return Answer(edge.HOLD, meeting.WAITS, "the other action is tried next")
+            return HostAnswer(
+                action_states.HOLD, paired_actions.WAITS, "the other action is tried next"
+            )
         return _meet(journal, row, scene, clock, is_over=is_over)
     except JournalError as error:
         raise AbandonedActionError(row.line) from error
@@ -62,83 +65,89 @@ def meet(
 def _meet(
     journal: Journal,
     row: ActionRow,
-    scene: acting.Scene,
+    scene: action_states.HostScene,
     clock: Clock,
     *,
     is_over: Callable[[], bool],
-) -> Answer | Started:
-    partner_id = meeting.partner_of(row.do)
-    until_s = clock.monotonic_s() + meeting.READY_S
-    found = Answer(edge.HOLD, meeting.WAITS, "what begins at the same moment was not ready in time")
+) -> HostAnswer | Started:
+    partner_id = paired_actions.partner_of(row.do)
+    until_s = clock.monotonic_s() + paired_actions.READY_S
+    found = HostAnswer(
+        action_states.HOLD,
+        paired_actions.WAITS,
+        "what begins at the same moment was not ready in time",
+    )
     while partner_id is not None and clock.monotonic_s() < until_s and not is_over():
         partner = journal.action(partner_id)
         if partner is None or partner.st in FINAL or partner.st is ActionState.IN_DOUBT:
             break
-        if not meeting.gives(row, partner):
+        if not paired_actions.gives(row, partner):
             if journal.state_of(row.action_id) is not ActionState.ACCEPTED:
                 break
-        elif meeting.readiness(partner, journal.moment()) is not None:
+        elif paired_actions.readiness(partner, journal.moment()) is not None:
             with journal.write() as tx:
-                told = acting.start_both(tx, row, row.do, at=journal.moment(), scene=scene)
-            if isinstance(told, Started) or told.code != meeting.WAITS:
+                told = action_execution.start_both(
+                    tx, row, row.do, at=journal.moment(), scene=scene
+                )
+            if isinstance(told, Started) or told.code != paired_actions.WAITS:
                 return told
         clock.wait(POLL_S)
     with journal.write() as tx:
-        if not meeting.withdraw(tx, row):
+        if not paired_actions.withdraw(tx, row):
             return found
     # Whoever started it may not have moved the seal yet.
     journal.seal_up()
     with journal.write() as tx:
         now = tx.action(row.action_id)
         other = None if partner_id is None else tx.action(partner_id)
-        if now is None or meeting.may_act(now, other):
+        if now is None or paired_actions.may_act(now, other):
             return Started(row, row.do)
-        acting.write_end(tx, now, meeting.not_sent(), [])
-    return Answer(edge.REJECT, "edge.partner", "the action that it meets has failed")
+        action_execution.write_end(tx, now, paired_actions.not_sent(), [])
+    return HostAnswer(action_states.REJECT, "edge.partner", "the action that it meets has failed")
 
 
 def leave(journal: Journal, line: str) -> None:
     """Write down, after the process of a line has ended, that none of its pairs is served."""
     started = journal.actions(line, ActionState.STARTED)
     waiting = journal.actions(line, ActionState.ACCEPTED)
-    if any(meeting.partner_of(row.do) for row in (*started, *waiting)):
+    if any(paired_actions.partner_of(row.do) for row in (*started, *waiting)):
         with journal.write() as tx:
-            meeting.leave(tx, waiting, started)
+            paired_actions.leave(tx, waiting, started)
 
 
 def other_here(journal: Journal, row: ActionRow) -> ActionRow | None:
     """Return the action that begins at the same moment, where it is of the same line."""
-    partner_id = meeting.partner_of(row.do)
+    partner_id = paired_actions.partner_of(row.do)
     found = None if partner_id is None else journal.action(partner_id)
     return None if found is None or found.line != row.line else found
 
 
-def giver_here(journal: Journal, row: ActionRow, answer: Answer) -> ActionRow | None:
+def giver_here(journal: Journal, row: ActionRow, answer: HostAnswer) -> ActionRow | None:
     """Return the giver of the same line, for which an action that is ready to receive waits."""
-    other = other_here(journal, row) if answer.code == meeting.WAITS else None
-    return other if other is not None and meeting.gives(other, row) else None
+    other = other_here(journal, row) if answer.code == paired_actions.WAITS else None
+    return other if other is not None and paired_actions.gives(other, row) else None
 
 
 def waits_for_own(journal: Journal, row: ActionRow) -> bool:
     """Say whether another action of the same line has to be confirmed first."""
     other = other_here(journal, row)
-    return other is not None and meeting.stand(row, other) is Stand.WAIT
+    return other is not None and paired_actions.stand(row, other) is PairStand.WAIT
 
 
 def await_partner(
     journal: Journal, row: ActionRow, clock: Clock, *, is_over: Callable[[], bool]
-) -> Stand:
+) -> PairStand:
     """Wait until it is known how the other action stands.
 
     Returns:
         WAIT when `is_over` cut that short, or when the other is of this line and not confirmed.
     """
-    partner_id = meeting.partner_of(row.do)
+    partner_id = paired_actions.partner_of(row.do)
     if partner_id is None:
-        return Stand.GO_ON
+        return PairStand.GO_ON
     is_own = other_here(journal, row) is not None
     while True:
-        found = meeting.stand(row, journal.action(partner_id))
-        if found is not Stand.WAIT or is_own or is_over():
+        found = paired_actions.stand(row, journal.action(partner_id))
+        if found is not PairStand.WAIT or is_own or is_over():
             return found
         clock.wait(POLL_S)

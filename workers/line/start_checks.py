@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from labweb.domain.crutd.operations import Read
-from labweb.domain.enrollment.admission import refusal
-from labweb.domain.messages import Do
-from labweb.domain.runs import batch, edge, standing
-from labweb.domain.runs.edge import Answer
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.enrollment.admitted_interface import refusal
+from labweb.domain.messages.commands import Do
+from labweb.domain.runs.host_actions import host_batch, host_state
+from labweb.domain.runs.host_journal import action_states
+from labweb.domain.runs.host_journal.action_states import HostAnswer
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers.journal.journal import Journal
 from workers.line import action_execution
 from workers.line.device_unit import DeviceUnit
@@ -18,10 +19,10 @@ def is_waiting(journal: Journal, do: Do) -> bool:
     """Say whether its batch lets an action wait; spares the device a question too."""
     if do.batch is None:
         return False
-    away_s = standing.offline_s(journal.host_state(), journal.moment())
-    turn = batch.turn_of(journal, do.batch, away_s)
-    answer = None if turn is None else batch.decide_turn(turn)
-    return answer is not None and answer.kind == edge.HOLD
+    away_s = host_state.offline_s(journal.host_state(), journal.moment())
+    turn = host_batch.turn_of(journal, do.batch, away_s)
+    answer = None if turn is None else host_batch.decide_turn(turn)
+    return answer is not None and answer.kind == action_states.HOLD
 
 
 def is_for_next(journal: Journal, do: Do, unit: DeviceUnit) -> bool:
@@ -34,23 +35,29 @@ def is_for_next(journal: Journal, do: Do, unit: DeviceUnit) -> bool:
 
 def problem(
     journal: Journal, thread: LineThread, row: ActionRow, unit: DeviceUnit | None
-) -> Answer | None:
+) -> HostAnswer | None:
     """Say why an action can never start here; None: nothing that is known before a reading."""
     do = row.do
     if not thread.is_signed(row, journal.command_keys()):
-        return Answer(edge.REJECT, "edge.bad_signature", "no known key signed this action")
+        return HostAnswer(
+            action_states.REJECT, "edge.bad_signature", "no known key signed this action"
+        )
     if unit is None:
         if any(device.id == row.device_id for device in journal.devices()):
             return None
-        return Answer(edge.REJECT, "edge.unknown_device", "the device is not served here")
+        return HostAnswer(
+            action_states.REJECT, "edge.unknown_device", "the device is not served here"
+        )
     if do.driver_digest != unit.config.digest:
         text = "the action was approved for another version of the driver"
-        return Answer(edge.REJECT, "edge.driver_digest", text)
+        return HostAnswer(action_states.REJECT, "edge.driver_digest", text)
     if not unit.has_action(do.action) and not action_execution.is_plain_read(do, unit):
-        return Answer(edge.REJECT, "edge.no_action", f"the driver has no action {do.action!r}")
+        return HostAnswer(
+            action_states.REJECT, "edge.no_action", f"the driver has no action {do.action!r}"
+        )
     if unit.has_action(do.action):
         code, text = refusal(unit.config.admission, do.action, do.args)
-        return Answer(edge.REJECT, code, text) if code else None
+        return HostAnswer(action_states.REJECT, code, text) if code else None
     return None
 
 

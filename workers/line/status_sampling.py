@@ -9,11 +9,11 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.clock_and_ids import Clock
 from labweb.domain.errors import DeviceError, LabError
-from labweb.domain.ports import Clock
-from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.clocks import Anchor, Estimate, estimate
-from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.host_journal.event_bodies import plain
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_link.host_clocks import ClockAnchor, Estimate, estimate
 from workers.base.valkey_store import StatusSample, ValkeyStore
 from workers.journal.journal import boot_id, since_boot_s
 from workers.line.action_files import share_picture
@@ -51,7 +51,7 @@ class Sampler:
         self._failures: dict[UUID, int] = {}
         self._taken_count = 0
         self._boot_id = boot_id()
-        self._anchors: list[Anchor] = []
+        self._anchors: list[ClockAnchor] = []
         self._looked_s = float("-inf")
         self._began_s = self._now().at_s
         self._alive_s = float("-inf")
@@ -147,8 +147,8 @@ class Sampler:
         if self._store is not None and now_s - self._looked_s >= ALIVE_EVERY_S:
             self._looked_s = now_s
             text = self._store.anchor()
-            self._anchors = [] if text is None else [msgspec.json.decode(text, type=Anchor)]
-        at = Moment(boot_id=self._boot_id, mono_s=since_boot_s(), wall_s=self._clock.now_s())
+            self._anchors = [] if text is None else [msgspec.json.decode(text, type=ClockAnchor)]
+        at = HostMoment(boot_id=self._boot_id, mono_s=since_boot_s(), wall_s=self._clock.now_s())
         return estimate(self._anchors, at)
 
     def _note_failure(self, unit: DeviceUnit, error: DeviceError) -> None:

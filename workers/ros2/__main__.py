@@ -10,7 +10,7 @@ from pathlib import Path
 
 from drivers.catalog.inspect import PACKAGE as DRIVERS
 from drivers.catalog.scan import scan
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from workers.ros2.mapping import PACKAGE, action_name, action_text, offered_actions
 
 _BUILD = """cmake_minimum_required(VERSION 3.8)

@@ -24,9 +24,9 @@ from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.names import check_name, fit_name
 from drivers.transports.ros2.types import Types
-from labweb.domain.enrollment.spec import DriverSpec, StatusSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec, StatusSpec
 from labweb.domain.errors import DefinitionError, LabError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.base.config import HostConfig, Ros2Config
 from workers.base.device_lines import fingerprint
 from workers.base.valkey_store import StatusSample, ValkeyStore

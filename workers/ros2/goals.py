@@ -13,9 +13,9 @@ import msgspec
 
 from drivers.transports.ros2.actions import ActionServer, Decide, Goal, GoalState
 from drivers.transports.ros2.bus import Bus
-from labweb.domain.enrollment.spec import ActionSpec, check_arguments
+from labweb.domain.enrollment.driver_spec import ActionSpec, check_arguments
 from labweb.domain.errors import LabError
-from labweb.domain.messages import Ask, AskTold, WithdrawAsk
+from labweb.domain.messages.action_asks import ActionAsk, AskTold, WithdrawAsk
 from workers.base.valkey_store import ASKS, ASKS_TOLD, ValkeyStore
 from workers.ros2.mapping import action_arguments
 from workers.uplink.host_reports import BridgeWish
@@ -73,7 +73,7 @@ class Goals:
         if not self._is_open:
             problem = "goals are switched off at this host"
         ask_id = UUID(bytes=wish.goal.id)
-        ask = Ask(
+        ask = ActionAsk(
             epoch=0, ask_id=ask_id, device_id=device_id, action=action.name, args=args,
             source="ros2",
         )  # fmt: skip
@@ -87,7 +87,7 @@ class Goals:
             log.warning("a goal for %s is refused: %s", action.name, problem)
             wish.decide(REFUSED)
 
-    def _put(self, frame: Ask | WithdrawAsk) -> bool:
+    def _put(self, frame: ActionAsk | WithdrawAsk) -> bool:
         return self._store.put_word(ASKS, msgspec.json.encode(BridgeWish(time.monotonic(), frame)))
 
     def _cancel(self, goal: Goal) -> bool:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from labweb.domain.enrollment.spec import (
+from labweb.domain.enrollment.driver_spec import (
     ActionSpec,
     DriverSpec,
     ParameterSpec,
@@ -72,7 +72,7 @@ def action_name(spec: DriverSpec, action: ActionSpec) -> str:
     """Return the full name of an action's type.
 
     Example:
-        >>> from labweb.domain.enrollment.spec import ActionSpec, DriverSpec
+        >>> from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec
         >>> spec = DriverSpec(class_name="IkaRct", module="m", digest="")
         >>> action_name(spec, ActionSpec(name="heat_to"))
         'labweb_interfaces/action/IkaRctHeatTo'

@@ -10,7 +10,7 @@ from cryptography import x509
 
 from drivers.transports.http import TOKEN
 from drivers.transports.urls import addresses_of, beat_of, file_of, line_key, ros2_of
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.sandbox.confinement import Bounds, existing
 from workers.sandbox.connection_proxy import Address
 from workers.sandbox.datagram_proxy import DatagramSegment

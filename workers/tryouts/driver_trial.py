@@ -20,7 +20,7 @@ import msgspec
 
 from drivers.transports.urls import line_key, make_transport
 from labweb.domain.errors import LabError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.base.config import HostConfig, load_config
 from workers.base.device_lines import fingerprint
 from workers.base.fork_server import Forked, ForkServer

@@ -13,8 +13,12 @@ from typing import Any
 import msgspec
 
 from labweb.domain.errors import DefinitionError, DeviceError
-from labweb.domain.messages import SimulatedModel, WireRecord
-from labweb.domain.messages.tryouts import MOST_WIRE_BYTES, MOST_WIRE_RECORDS
+from labweb.domain.messages.driver_tryouts import (
+    MOST_WIRE_BYTES,
+    MOST_WIRE_RECORDS,
+    SimulatedModel,
+    WireRecord,
+)
 
 MODULE = "fixtures.instruments.single"
 """Started by name: a host that has no simulated instruments offers none."""

@@ -12,14 +12,9 @@ from pathlib import Path
 
 import msgspec
 
-from labweb.domain.enrollment.tryout import BEAT_S, IDLE_S, LONGEST_S
+from labweb.domain.enrollment.driver_tryout import BEAT_S, IDLE_S, LONGEST_S
 from labweb.domain.errors import DeviceError, Effect, LabError, StateError
-from labweb.domain.messages import (
-    TryoutAsk,
-    TryoutOrder,
-    TryoutTold,
-    WireRecord,
-)
+from labweb.domain.messages.driver_tryouts import TryoutAsk, TryoutOrder, TryoutTold, WireRecord
 from workers.tryouts.driver_control import DriverControl
 from workers.tryouts.driver_process import DriverCall, DriverReply, DriverStart
 from workers.tryouts.simulated_instrument import SimulatedInstrument

@@ -11,10 +11,16 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.enrollment.bundle import MAX_BUNDLE_BYTES, decode_bundle
-from labweb.domain.enrollment.tryout import MOST_AT_ONCE
+from labweb.domain.enrollment.driver_bundle import MAX_BUNDLE_BYTES, decode_bundle
+from labweb.domain.enrollment.driver_tryout import MOST_AT_ONCE
 from labweb.domain.errors import ConformanceError, LabError, StateError
-from labweb.domain.messages import SimulatedModel, TryoutAsk, TryoutOrder, TryoutPart, TryoutTold
+from labweb.domain.messages.driver_tryouts import (
+    SimulatedModel,
+    TryoutAsk,
+    TryoutOrder,
+    TryoutPart,
+    TryoutTold,
+)
 from workers.base.config import HostConfig
 from workers.base.signatures import is_signed
 from workers.base.valkey_store import TRYOUT_TOLD, TRYOUT_WORDS, ValkeyStore

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from labweb.domain.enrollment.bundle import MAX_BUNDLE_BYTES
+from labweb.domain.enrollment.driver_bundle import MAX_BUNDLE_BYTES
 from labweb.domain.errors import ConformanceError, LabError
-from labweb.domain.messages import DeviceConfig, DriverPart, Signed
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, DriverPart, Signed
 from workers.journal.journal import Journal
 from workers.line.driver_reports import tell_refused
 from workers.line.driver_store import DriverStore, is_installed

@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain.files import (
+from labweb.domain.action_files import (
     MOST_BYTES,
     PART_BYTES,
     UNKNOWN,

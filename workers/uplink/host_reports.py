@@ -9,18 +9,19 @@ from collections.abc import Callable
 import msgspec
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain.messages import (
-    Ask,
+from labweb.domain.messages.action_asks import ActionAsk, WithdrawAsk
+from labweb.domain.messages.certificates_and_sightings import (
+    MOST_SIGHTINGS_PER_FRAME,
     Sighting,
     Sightings,
+)
+from labweb.domain.messages.driver_tryouts import (
     SimulatedModel,
     TryoutAsk,
     TryoutOffer,
     TryoutPart,
     TryoutTold,
-    WithdrawAsk,
 )
-from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
 from workers.base.server_frames import send
 from workers.base.valkey_store import ASKS, TRYOUT_TOLD, TRYOUT_WORDS, ValkeyStore
 
@@ -42,7 +43,7 @@ class BridgeWish(msgspec.Struct, frozen=True):
     """A wish, or its end, on its way from a bridge to the uplink."""
 
     mono_s: float
-    frame: Ask | WithdrawAsk
+    frame: ActionAsk | WithdrawAsk
 
 
 class _Offer(msgspec.Struct, frozen=True):

@@ -13,7 +13,7 @@ import msgspec
 from websockets.exceptions import ConnectionClosed
 
 from labweb.domain.errors import LabError
-from labweb.domain.messages import CLOSE_BAD_FRAME
+from labweb.domain.messages.frames import CLOSE_BAD_FRAME
 
 log = logging.getLogger(__name__)
 

@@ -11,8 +11,13 @@ import msgspec
 from redis.exceptions import RedisError
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain.messages import MAX_FRAME_BYTES, Telemetry, TelemetryGap, TelemetryTaken
-from labweb.domain.messages.telemetry import MAX_SAMPLES_PER_FRAME
+from labweb.domain.messages.frames import MAX_FRAME_BYTES
+from labweb.domain.messages.telemetry import (
+    MAX_SAMPLES_PER_FRAME,
+    TelemetryFrame,
+    TelemetryGap,
+    TelemetryTaken,
+)
 from workers.base.valkey_store import SampleBatch, ValkeyStore
 
 log = logging.getLogger(__name__)
@@ -159,7 +164,7 @@ def is_too_large(batch: SampleBatch) -> bool:
 
 def make_frame(
     told: StreamPosition, batches: list[SampleBatch], epoch: int
-) -> tuple[StreamPosition, Telemetry]:
+) -> tuple[StreamPosition, TelemetryFrame]:
     """Return how far the lines have been told after some batches, and the frame that tells them."""
     lines = dict(told.lines)
     gaps = []
@@ -168,7 +173,7 @@ def make_frame(
         lines[batch.line] = after = _line_after(before, batch)
         gaps += find_gaps(before, after, batch)
     kept = [one for batch in batches if not is_too_large(batch) for one in batch.samples]
-    frame = Telemetry(
+    frame = TelemetryFrame(
         epoch=epoch,
         samples=[(one.device_id, one.status, one.at_s, one.value) for one in kept],
         uncertainties_s=[one.uncertainty_s for one in kept],

@@ -8,10 +8,19 @@ from collections.abc import Sequence
 
 import msgspec
 
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import LabError
-from labweb.domain.messages import EdgeEvent, Pulse, Welcome, canonical
-from labweb.domain.runs.clocks import Anchor, Exchange, anchor_of, best_of, dated, with_anchor
-from labweb.domain.runs.moment import Moment
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.messages.session import Pulse, Welcome
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_link.host_clocks import (
+    ClockAnchor,
+    Exchange,
+    anchor_of,
+    best_of,
+    dated,
+    with_anchor,
+)
 from workers.base.valkey_store import ValkeyStore
 from workers.journal.journal import Journal
 
@@ -35,10 +44,10 @@ class ServerClock:
         self._journal = journal
         self._store = store
         self._anchors = read_anchors(journal)
-        self._asked: dict[float, Moment] = {}
+        self._asked: dict[float, HostMoment] = {}
         self._kept_s = float("-inf")
 
-    def open(self, asked_at: Moment, welcome: Welcome) -> None:
+    def open(self, asked_at: HostMoment, welcome: Welcome) -> None:
         """Take in what the answer to a HELLO measures.
 
         Args:
@@ -68,7 +77,7 @@ class ServerClock:
         """Return events with the moment of each by the server's clock."""
         return [dated(event, self._anchors) for event in events]
 
-    def _take(self, asked: Moment, heard_at_s: float, told_at_s: float) -> None:
+    def _take(self, asked: HostMoment, heard_at_s: float, told_at_s: float) -> None:
         exchange = Exchange(
             asked=asked,
             heard_at_s=heard_at_s,
@@ -95,7 +104,7 @@ class ServerClock:
             log.error("the journal does not take how late it is at the server: %s", error)
 
 
-def read_anchors(journal: Journal) -> tuple[Anchor, ...]:
+def read_anchors(journal: Journal) -> tuple[ClockAnchor, ...]:
     """Return the measures that a journal remembers."""
     text = journal.meta(ANCHORS)
-    return () if text is None else msgspec.json.decode(text, type=tuple[Anchor, ...])
+    return () if text is None else msgspec.json.decode(text, type=tuple[ClockAnchor, ...])

@@ -11,19 +11,14 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import (
-    Devices,
-    Heads,
-    Heartbeat,
-    Hello,
-    StopLab,
-    Welcome,
-    countersigned_bytes,
-)
-from labweb.domain.runs import standing
-from labweb.domain.runs.countersigning import write_head
-from labweb.domain.runs.journal import JournalError
-from labweb.domain.runs.moment import Moment
+from labweb.domain.messages.chain_heads import Heads, countersigned_bytes
+from labweb.domain.messages.devices_and_drivers import DevicesFrame
+from labweb.domain.messages.session import Heartbeat, Hello, Welcome
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.host_actions import host_state
+from labweb.domain.runs.host_journal.countersigned_heads import write_head
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.base import faults
 from workers.base.disk_space import disk_space_of
 from workers.base.signatures import HostKey, is_signature
@@ -59,7 +54,7 @@ def make_hello(
     return msgspec.structs.replace(hello, signature=key.sign_hello(hello, nonce))
 
 
-def open_session(journal: Journal, welcome: Welcome, asked_at: Moment | None = None) -> None:
+def open_session(journal: Journal, welcome: Welcome, asked_at: HostMoment | None = None) -> None:
     """Remember the session before anything is sent in it.
 
     Args:
@@ -68,9 +63,9 @@ def open_session(journal: Journal, welcome: Welcome, asked_at: Moment | None = N
         asked_at: Before HELLO was sent; None: what the answer says of clocks counts for nothing.
     """
     with journal.write() as tx:
-        standing.write_welcome(tx, welcome)
+        host_state.write_welcome(tx, welcome)
         if asked_at is not None:
-            standing.write_server_clock(tx, welcome.tick, asked_at)
+            host_state.write_server_clock(tx, welcome.tick, asked_at)
 
 
 def make_heartbeat(
@@ -110,10 +105,10 @@ def make_heartbeat(
     )
 
 
-def take_devices(journal: Journal, told: Devices) -> None:
+def take_devices(journal: Journal, told: DevicesFrame) -> None:
     """Remember what the host serves and makes ready from now on."""
     with journal.write() as tx:
-        standing.write_devices(tx, told.devices, told.staged)
+        host_state.write_devices(tx, told.devices, told.staged)
 
 
 def record_ack(journal: Journal, seq: int) -> None:
@@ -123,7 +118,7 @@ def record_ack(journal: Journal, seq: int) -> None:
     """
     try:
         with journal.write(is_durable=False) as tx:
-            standing.write_ack(tx, seq)
+            host_state.write_ack(tx, seq)
     except JournalError as error:
         log.warning("how far the server is cannot be written now: %s", error)
 
@@ -132,7 +127,7 @@ def arm(journal: Journal) -> bool:
     """Let this start of the machine begin new work; False: the journal is not the newest."""
     regression = journal.regression()
     with journal.write() as tx:
-        return standing.write_armed(tx, journal.boot_id, regression)
+        return host_state.write_armed(tx, journal.boot_id, regression)
 
 
 def disarm_if_regressed(journal: Journal) -> str | None:
@@ -140,14 +135,14 @@ def disarm_if_regressed(journal: Journal) -> str | None:
     reason = journal.regression()
     if reason is not None and journal.host_state().armed_boot_id is not None:
         with journal.write() as tx:
-            standing.write_disarmed(tx)
+            host_state.write_disarmed(tx)
     return reason
 
 
 def record_boot(journal: Journal) -> None:
     """Tell, once for each start of the machine, that it has started."""
     with journal.write() as tx:
-        standing.write_boot(tx, journal.boot_id)
+        host_state.write_boot(tx, journal.boot_id)
 
 
 def lose_link(journal: Journal) -> None:
@@ -157,7 +152,7 @@ def lose_link(journal: Journal) -> None:
         Actions of such a batch that act are halted by their lines, as for a cancel.
     """
     with journal.write() as tx:
-        standing.write_link_lost(tx, journal.moment())
+        host_state.write_link_lost(tx, journal.moment())
     # It may have been written by a process that died before the seal moved: a copy of the
     # journal from before would then begin the time anew.
     journal.seal_up()
@@ -181,7 +176,7 @@ def countersign(journal: Journal, key: HostKey, heads: Heads) -> None:
             write_head(tx, heads.key, one, key.sign(countersigned_bytes(heads.key, one)))
 
 
-def latch_stop(journal: Journal, stop: StopLab) -> None:
+def latch_stop(journal: Journal, stop: StopLabFrame) -> None:
     """Close the stop latch. Only a signed Reset opens it."""
     with journal.write() as tx:
-        standing.write_stop(tx, stop)
+        host_state.write_stop(tx, stop)

@@ -19,34 +19,21 @@ import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
+from labweb.domain.action_files import FileAsked, FileTaken
 from labweb.domain.errors import LabError
-from labweb.domain.files import FileAsked, FileTaken
-from labweb.domain.messages import (
-    MAX_FRAME_BYTES,
-    Ack,
-    AskTold,
-    Challenge,
-    Devices,
-    DriverPart,
-    Events,
-    Heads,
-    LookPart,
-    Nudge,
-    Pulse,
-    Refuse,
-    Renew,
-    Renewed,
-    Resume,
-    ServerFrame,
-    StopAcknowledged,
-    StopLab,
-    TelemetryTaken,
-    TryoutAsk,
-    TryoutPart,
-    WantDriver,
-    Welcome,
-    version_refusal,
-)
+from labweb.domain.messages.action_asks import AskTold
+from labweb.domain.messages.certificates_and_sightings import Renew, Renewed
+from labweb.domain.messages.chain_heads import Heads
+from labweb.domain.messages.commands import Nudge
+from labweb.domain.messages.device_looks import LookPart
+from labweb.domain.messages.devices_and_drivers import DevicesFrame, DriverPart, WantDriver
+from labweb.domain.messages.driver_tryouts import TryoutAsk, TryoutPart
+from labweb.domain.messages.events import Ack, EventsFrame
+from labweb.domain.messages.frames import MAX_FRAME_BYTES, ServerFrame
+from labweb.domain.messages.protocol_version import version_refusal
+from labweb.domain.messages.session import Challenge, Pulse, Refuse, ResumeSession, Welcome
+from labweb.domain.messages.stops import StopAcknowledged, StopLabFrame
+from labweb.domain.messages.telemetry import TelemetryTaken
 from workers.base import faults
 from workers.base.celery_apps import make_host_app
 from workers.base.config import HostConfig
@@ -247,9 +234,9 @@ class Uplink:
                     self._take_ack(frame)
                 case Pulse():
                     self._clock.hear(frame)
-                case Resume():
+                case ResumeSession():
                     self._take_resume(frame)
-                case StopLab():
+                case StopLabFrame():
                     await self._take_stop(socket, frame)
                 case Nudge():
                     accept(self._journal, frame.signed, self._ring)
@@ -269,7 +256,7 @@ class Uplink:
                 self._samples.take(frame)
             case Renewed():
                 await self._take_certificate(socket, frame)
-            case Devices():
+            case DevicesFrame():
                 await self._take_devices(socket, frame)
             case DriverPart():
                 self._download.take(frame)
@@ -298,7 +285,7 @@ class Uplink:
                 kept_seq = self._acked_seq
                 record_ack(self._journal, kept_seq)
 
-    async def _take_devices(self, socket: ClientConnection, told: Devices) -> None:
+    async def _take_devices(self, socket: ClientConnection, told: DevicesFrame) -> None:
         if told.epoch == self._epoch:
             take_devices(self._journal, told)
             ring(self._config.supervisor_bell)
@@ -309,7 +296,7 @@ class Uplink:
         for digest in self._download.missing():
             await send(socket, WantDriver(digest=digest))
 
-    def _take_resume(self, resume: Resume) -> None:
+    def _take_resume(self, resume: ResumeSession) -> None:
         if resume.epoch != self._epoch:
             log.warning("resume of session %d in session %d", resume.epoch, self._epoch)
         elif not arm(self._journal):
@@ -318,7 +305,7 @@ class Uplink:
             for line in self._journal.waiting_lines():
                 self._ring(line)
 
-    async def _take_stop(self, socket: ClientConnection, stop: StopLab) -> None:
+    async def _take_stop(self, socket: ClientConnection, stop: StopLabFrame) -> None:
         """Latch, tell every line, acknowledge. Lines are told even if the disk refuses."""
         lines = list(lines_of(self._journal.devices()))
         try:
@@ -363,7 +350,7 @@ class Uplink:
         faults.point("uplink.before_send")
         self._acked.clear()
         self._sent_seq, self._sent_s = events[-1].seq, time.monotonic()
-        await send(socket, Events(epoch=self._epoch, events=self._clock.dated(events)))
+        await send(socket, EventsFrame(epoch=self._epoch, events=self._clock.dated(events)))
         faults.point("uplink.after_send")
         async with asyncio.timeout(ACK_TIMEOUT_S):
             await self._acked.wait()

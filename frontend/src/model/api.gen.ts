@@ -2017,7 +2017,7 @@ export interface components {
          * @description What can be calibrated of a device, and what was.
          */
         CalibratedQuantity: {
-            quantity: components["schemas"]["Quantity"];
+            quantity: components["schemas"]["CalibrationQuantity"];
             unit: string;
             is_relative: boolean;
             may_begin: boolean;
@@ -2031,7 +2031,7 @@ export interface components {
          */
         CalibrationChange: {
             device: components["schemas"]["NamedRef"];
-            quantity: components["schemas"]["Quantity"];
+            quantity: components["schemas"]["CalibrationQuantity"];
             unit: string;
             is_relative: boolean;
             becomes: components["schemas"]["CalibrationDetail"];
@@ -2055,11 +2055,11 @@ export interface components {
             id: string;
             /** Format: uuid */
             device_id: string;
-            quantity: components["schemas"]["Quantity"];
+            quantity: components["schemas"]["CalibrationQuantity"];
             number: number;
             /** @enum {unknown} */
             state: "accepted" | "awaiting" | "failed" | "measuring" | "rejected" | "withdrawn";
-            standing: components["schemas"]["Standing"] | null;
+            standing: components["schemas"]["CalibrationStanding"] | null;
             reasons: string[];
             run: components["schemas"]["CalibrationRun"];
             references: components["schemas"]["Reference"][];
@@ -2096,11 +2096,17 @@ export interface components {
             comparison?: Record<string, unknown>;
         };
         /**
+         * CalibrationQuantity
+         * @description What can be calibrated.
+         * @enum {unknown}
+         */
+        CalibrationQuantity: "ph" | "temperature" | "volume";
+        /**
          * CalibrationResult
          * @description What a calibration found: `true = offset + gain × device`.
          */
         CalibrationResult: {
-            quantity: components["schemas"]["Quantity"];
+            quantity: components["schemas"]["CalibrationQuantity"];
             gain: number;
             offset: number;
             gain_expanded: number;
@@ -2128,6 +2134,12 @@ export interface components {
             number: number;
             state: components["schemas"]["RunState"];
         };
+        /**
+         * CalibrationStanding
+         * @description Whether a calibration may be relied on now.
+         * @enum {unknown}
+         */
+        CalibrationStanding: "changed" | "expired" | "in_force" | "withdrawn";
         /**
          * CalibrationWithdrawal
          * @description Body of a withdrawal.
@@ -2309,7 +2321,7 @@ export interface components {
          */
         Correction: {
             argument: string;
-            quantity: components["schemas"]["Quantity"];
+            quantity: components["schemas"]["CalibrationQuantity"];
             asked: number | null;
             sent: number | null;
             gain: number;
@@ -3638,12 +3650,6 @@ export interface components {
             key: string;
         };
         /**
-         * Kind
-         * @description What PROV has.
-         * @enum {unknown}
-         */
-        Kind: "activity" | "agent" | "entity";
-        /**
          * KnownDriver
          * @description The version of the very source that was read.
          */
@@ -3664,6 +3670,12 @@ export interface components {
             needs_you: number;
         };
         /**
+         * LabMode
+         * @description Whether the devices of a lab are real. The two never mix in one lab.
+         * @enum {unknown}
+         */
+        LabMode: "live" | "sim";
+        /**
          * LabStop
          * @description The stop of a lab.
          */
@@ -3683,7 +3695,7 @@ export interface components {
             id: string;
             key: string;
             name: string;
-            mode: components["schemas"]["Mode"];
+            mode: components["schemas"]["LabMode"];
             time_zone: string;
             speed: number;
             stop: components["schemas"]["LabStop"];
@@ -3699,7 +3711,7 @@ export interface components {
             number: number;
             state: components["schemas"]["RunState"];
             ended_at: string | null;
-            waits_for: components["schemas"]["Wait"] | null;
+            waits_for: components["schemas"]["RunWaitCause"] | null;
         };
         /**
          * LevelResult
@@ -3839,12 +3851,6 @@ export interface components {
          * @enum {unknown}
          */
         Medium: "communication" | "electrical" | "gas" | "liquid" | "mechanical" | "other" | "thermal" | "transport" | "vacuum";
-        /**
-         * Mode
-         * @description Whether the devices of a lab are real. The two never mix in one lab.
-         * @enum {unknown}
-         */
-        Mode: "live" | "sim";
         /**
          * ModuleChange
          * @description One module that is not the same in both versions.
@@ -4171,6 +4177,12 @@ export interface components {
             stands_in: components["schemas"]["NamedRef"][];
         };
         /**
+         * ProvKind
+         * @description What PROV has.
+         * @enum {unknown}
+         */
+        ProvKind: "activity" | "agent" | "entity";
+        /**
          * ProvenanceGraph
          * @description What led to a thing and what it touched; `form=prov` gives a PROV-JSON document instead.
          */
@@ -4186,7 +4198,7 @@ export interface components {
          */
         ProvenanceNode: {
             id: string;
-            kind: components["schemas"]["Kind"];
+            kind: components["schemas"]["ProvKind"];
             type: string;
             name: string;
             started_at: string | null;
@@ -4222,12 +4234,6 @@ export interface components {
             unread: string[];
             has_more_acts: boolean;
         };
-        /**
-         * Quantity
-         * @description What can be calibrated.
-         * @enum {unknown}
-         */
-        Quantity: "ph" | "temperature" | "volume";
         /**
          * React
          * @description Record a reaction in a vessel: reactants go into REACTION, products come out of it.
@@ -4715,7 +4721,7 @@ export interface components {
             id: string;
             number: number;
             workflow: components["schemas"]["RunWorkflow"];
-            mode: components["schemas"]["Mode"];
+            mode: components["schemas"]["LabMode"];
             state: components["schemas"]["RunState"];
             created_by: string;
             created_at: string;
@@ -4864,7 +4870,7 @@ export interface components {
             id: string;
             number: number;
             workflow: components["schemas"]["RunWorkflow"];
-            mode: components["schemas"]["Mode"];
+            mode: components["schemas"]["LabMode"];
             state: components["schemas"]["RunState"];
             created_by: string;
             created_at: string;
@@ -4900,6 +4906,12 @@ export interface components {
             until_step: number | null;
             text: string;
         };
+        /**
+         * RunWaitCause
+         * @description What a person has to say before a run can go on.
+         * @enum {unknown}
+         */
+        RunWaitCause: "answer" | "recovery";
         /**
          * RunWorkflow
          * @description The version of a workflow that a run carries out.
@@ -5018,12 +5030,6 @@ export interface components {
             since_at: string;
             sentences: string[];
         };
-        /**
-         * Standing
-         * @description Whether a calibration may be relied on now.
-         * @enum {unknown}
-         */
-        Standing: "changed" | "expired" | "in_force" | "withdrawn";
         /**
          * StartRun
          * @description Body of a start.
@@ -5614,12 +5620,6 @@ export interface components {
             /** @default 365 */
             valid_days: number;
         };
-        /**
-         * Wait
-         * @description What a person has to say before a run can go on.
-         * @enum {unknown}
-         */
-        Wait: "answer" | "recovery";
         /**
          * Wanted
          * @description What to reserve, for how long, and what for.

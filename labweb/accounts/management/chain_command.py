@@ -13,7 +13,7 @@ from django.core.management.base import BaseCommand, CommandError
 
 from labweb.accounts.selectors.hash_chains import kept_heads
 from labweb.domain.errors import Finding
-from labweb.domain.messages import Countersigned
+from labweb.domain.messages.chain_heads import Countersigned
 
 
 class VerifyCommand(BaseCommand):

@@ -11,8 +11,10 @@ import msgspec
 
 from labweb.accounts.models import AuditEntry, SignedHead
 from labweb.common import signing, witness
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import DefinitionError, Finding
-from labweb.domain.messages import ChainHead, Countersigned, Signed, canonical, read_head
+from labweb.domain.messages.chain_heads import ChainHead, Countersigned, read_head
+from labweb.domain.messages.devices_and_drivers import Signed
 
 AUDIT, DECISIONS, EVENTS = "audit", "decisions", "events:"
 

@@ -11,7 +11,7 @@ from django.db.models import Exists, OuterRef, UUIDField
 from labweb.accounts.models import Grant
 from labweb.accounts.models import User as User
 from labweb.common.prepared import Given, Prepared, Question, together
-from labweb.domain.approvals.roles import PERMISSIONS, Permission, roles_with
+from labweb.domain.approvals.role_permissions import PERMISSIONS, Permission, roles_with
 
 
 class Backend(ModelBackend):

@@ -12,7 +12,7 @@ from labweb.accounts.models import AccessToken, User
 from labweb.accounts.selectors.access_tokens import PREFIX, hash_of, valid_tokens
 from labweb.accounts.services.audit_trail import write_audit
 from labweb.common.clock import now
-from labweb.domain.approvals.tokens import AccessScope, check_wanted
+from labweb.domain.approvals.access_tokens import AccessScope, check_wanted
 from labweb.domain.errors import ForbiddenError, NotFoundError
 
 _SECRET_BYTES = 32

@@ -11,8 +11,8 @@ from labweb.accounts.selectors import hash_chains as chains
 from labweb.common import signing, witness
 from labweb.common.clock import now
 from labweb.domain.errors import StateError
-from labweb.domain.messages import ChainHead, read_head
-from labweb.domain.runs.countersigning import check_head
+from labweb.domain.messages.chain_heads import ChainHead, read_head
+from labweb.domain.runs.host_journal.countersigned_heads import check_head
 
 
 @atomic

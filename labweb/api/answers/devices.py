@@ -8,9 +8,9 @@ from uuid import UUID
 
 from labweb.api.answers.drivers import DriverProblem, DriverServing, NextDriver
 from labweb.common.answers import ApiAnswer, NamedRef
-from labweb.domain.runs.custody import CustodyState
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState
 from labweb.runs.answers.runs import DeviceHaltRow
 from labweb.telemetry.answers import PhotoRow
 from labweb.workflows.answers import DeviceAction

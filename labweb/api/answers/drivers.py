@@ -7,10 +7,10 @@ from typing import Any, Literal
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer, KeyedRef
-from labweb.domain.enrollment.changes import ModuleChange
-from labweb.domain.enrollment.tryout import Tried
+from labweb.domain.enrollment.driver_source_diff import ModuleChange
+from labweb.domain.enrollment.driver_tryout import Tried
 from labweb.domain.errors import Finding
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.workflows.answers import DeviceAction
 
 DriverOrigin = Literal["release", "upload"]

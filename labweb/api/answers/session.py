@@ -6,7 +6,7 @@ from typing import Literal
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.runs.answers.lab import LabSummary
 
 PasswordMaker = Literal["own", "admin", "seed"]

@@ -9,8 +9,8 @@ from uuid import UUID
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, NamedRef
-from labweb.domain.enrollment.tryout import Tried
-from labweb.domain.messages.tryouts import AskSort
+from labweb.domain.enrollment.driver_tryout import Tried
+from labweb.domain.messages.driver_tryouts import AskSort
 
 TryoutState = Literal["starting", "running", "ended"]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from django.db import migrations, models
 
-from labweb.domain.canonical import canonical
+from labweb.domain.canonical_json import canonical
 
 
 def bind(apps: Any, schema_editor: Any) -> None:  # noqa: ANN401 - Django's shape

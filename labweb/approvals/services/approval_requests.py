@@ -24,8 +24,8 @@ from labweb.approvals.services.driver_tryouts import take_offer as take_offer
 from labweb.approvals.services.driver_tryouts import take_told as take_told
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals import policy as policy_rules
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals import approval_policy as policy_rules
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import ForbiddenError, StateError
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab

@@ -22,10 +22,10 @@ from labweb.approvals import selectors
 from labweb.approvals.models import SimulatorOffer, Tryout, TryoutAct
 from labweb.common import feed, signing
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.bundle import PART_BYTES, digest_of, encode_bundle
-from labweb.domain.enrollment.spec import DriverSpec, check_arguments, check_config
-from labweb.domain.enrollment.tryout import (
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.driver_bundle import PART_BYTES, digest_of, encode_bundle
+from labweb.domain.enrollment.driver_spec import DriverSpec, check_arguments, check_config
+from labweb.domain.enrollment.driver_tryout import (
     FASTEST,
     GRACE_S,
     MOST_ACTS,
@@ -40,7 +40,9 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import (
+from labweb.domain.messages.driver_tryouts import (
+    MOST_WIRE_RECORDS,
+    AskSort,
     SimulatedModel,
     TryoutAsk,
     TryoutOffer,
@@ -48,7 +50,6 @@ from labweb.domain.messages import (
     TryoutPart,
     TryoutTold,
 )
-from labweb.domain.messages.tryouts import MOST_WIRE_RECORDS, AskSort
 from labweb.enrollment.selectors import (
     DriverVersion,
     EdgeHost,

@@ -13,7 +13,7 @@ from labweb.approvals.services.driver_tryouts import begin_tryout as begin_tryou
 from labweb.approvals.services.driver_tryouts import frames_of as frames_of
 from labweb.approvals.services.driver_tryouts import take_offer as take_offer
 from labweb.approvals.services.driver_tryouts import take_told as take_told
-from labweb.domain.approvals import policy as policy_rules
+from labweb.domain.approvals import approval_policy as policy_rules
 from labweb.domain.workflows.plan import Plan
 from labweb.resources.selectors import Lab
 

@@ -17,14 +17,14 @@ import msgspec
 from labweb.common.clock import SystemClock
 from labweb.common.limits import limit_process
 from labweb.domain.errors import DefinitionError, LabError
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import PreviewAsked, advise_on, open_recipe, workflow_from
 
 MAX_CPU_S = 120
 MAX_MEMORY_BYTES = 2 * 2**30
 MAX_ANSWER_BYTES = 32 * 2**20
 """Most that the server is given to read: what each vessel may be grows as recipe times graph."""
 
-_ACTS: Mapping[str, Callable[[Asked], dict[str, Any]]] = {
+_ACTS: Mapping[str, Callable[[PreviewAsked], dict[str, Any]]] = {
     "open": open_recipe,
     "advise": partial(advise_on, clock=SystemClock()),
     "workflow": workflow_from,
@@ -33,7 +33,7 @@ _ACTS: Mapping[str, Callable[[Asked], dict[str, Any]]] = {
 
 def main(act: str) -> int:
     """Answer one request: `{"answer": …}`, or `{"error": …}` with what is wrong."""
-    asked = msgspec.json.decode(sys.stdin.buffer.read(), type=Asked)
+    asked = msgspec.json.decode(sys.stdin.buffer.read(), type=PreviewAsked)
     try:
         told = {"answer": _ACTS[act](asked)}
     except LabError as error:

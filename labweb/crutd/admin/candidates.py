@@ -15,7 +15,7 @@ from django.utils.html import format_html
 
 from labweb.crutd import services as crutd_services
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotFoundError
-from labweb.domain.resources.kinds import KINDS
+from labweb.domain.resources.resource_kinds import KINDS
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of
 from labweb.enrollment.admin.reviewed import Reviewed

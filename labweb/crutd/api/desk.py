@@ -24,12 +24,12 @@ from labweb.crutd.answers import (
 )
 from labweb.crutd.api import visible
 from labweb.crutd.models import Ticket
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import Phase
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lot

@@ -10,8 +10,8 @@ from labweb.crutd import selectors
 from labweb.crutd.answers import DoubtEnd, EventRow, EventSubjectRow
 from labweb.crutd.models import Event, EventSubject
 from labweb.crutd.selectors.doubt_resolutions import ends_of_doubts
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.units import render_volume
 
 _ELSEWHERE = "elsewhere"

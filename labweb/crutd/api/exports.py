@@ -21,10 +21,10 @@ from labweb.crutd.api import AT, past_rows, resource_rows
 from labweb.crutd.selectors.deliveries import deliveries_of
 from labweb.crutd.selectors.history_replay import as_it_was
 from labweb.crutd.selectors.lab_export import lab_file_of
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.deliveries import render_deliveries
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.delivery_table import render_deliveries
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.uni_lab_os.graph_write import export_uni_lab_os
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

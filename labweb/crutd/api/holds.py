@@ -7,9 +7,9 @@ from uuid import UUID
 
 from labweb.crutd.answers import ResourceKeeper
 from labweb.crutd.selectors.run_holds import live_on
-from labweb.domain.runs.holding import Mode
+from labweb.domain.runs.exclusive_use.run_holds import UseMode
 
-_SHARED = {Mode.DRAW.value, Mode.POUR.value}
+_SHARED = {UseMode.DRAW.value, UseMode.POUR.value}
 
 
 def keepers_of(ids: Iterable[UUID]) -> dict[UUID, list[ResourceKeeper]]:

@@ -18,7 +18,7 @@ from labweb.crutd.answers import (
 from labweb.crutd.api.events import event_rows as event_rows
 from labweb.crutd.api.resources import visible
 from labweb.crutd.selectors import lineage
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.resources import selectors as resource_selectors
 
 _DIRECTIONS = ("both", "up", "down")

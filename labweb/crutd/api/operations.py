@@ -20,7 +20,7 @@ from labweb.crutd.answers import (
 )
 from labweb.crutd.api.events import event_rows as event_rows
 from labweb.crutd.selectors.archive import with_former_place
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, Finding
 from labweb.resources import selectors as resource_selectors

@@ -32,11 +32,11 @@ from labweb.crutd.api.events import event_rows as event_rows
 from labweb.crutd.api.holds import keepers_of
 from labweb.crutd.selectors.data_origin import told_of
 from labweb.crutd.selectors.history_replay import Past, as_it_was
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import KINDS, Nature, is_vessel
+from labweb.domain.resources.resource_kinds import KINDS, Nature, is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.api import connection_end

@@ -10,7 +10,7 @@ import msgspec
 from labweb.crutd.models import Event
 from labweb.crutd.selectors.history_replay import replayed
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 

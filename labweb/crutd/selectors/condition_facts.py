@@ -13,12 +13,12 @@ from labweb.crutd.selectors import held_locks, snapshot
 from labweb.crutd.selectors.device_parts import joins_parts_of
 from labweb.crutd.selectors.reservations import reservations_on
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.replay import link
+from labweb.domain.crutd.event_replay import link
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
 from labweb.domain.resources.contents import LotId, Phase
-from labweb.domain.runs.holding import ROOMY
-from labweb.domain.runs.holding import places_of as places_in
-from labweb.domain.runs.locks import conflicts, lock_set
+from labweb.domain.runs.exclusive_use.action_locks import conflicts, lock_set
+from labweb.domain.runs.exclusive_use.run_holds import ROOMY
+from labweb.domain.runs.exclusive_use.run_holds import places_of as places_in
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot, Material
 from labweb.resources.selectors.occupants import places_of

@@ -6,7 +6,7 @@ from typing import Any
 
 from labweb.common.render import iso
 from labweb.crutd.models import Event
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.resources.selectors import Resource
 
 _ROLLED_BACK = TransactionState.ROLLED_BACK.value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labweb.crutd.models import Entry
-from labweb.domain.crutd.deliveries import Delivery, Share
+from labweb.domain.crutd.delivery_table import Delivery, DeliveryShare
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.resources.contents import Phase
 from labweb.resources import selectors as resource_selectors
@@ -27,7 +27,7 @@ def deliveries_of(lab: Lab) -> list[Delivery]:
             material=lot.material.key,
             phase=Phase(lot.phase),
             shares=tuple(
-                Share(row=0, vessel=keys[vessel], amount=amount)
+                DeliveryShare(row=0, vessel=keys[vessel], amount=amount)
                 for vessel, amount in shares[str(lot.pk)].items()
                 if vessel in keys
             ),

@@ -6,8 +6,8 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.graph.injection import injected
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.graph.device_parts import injected
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors

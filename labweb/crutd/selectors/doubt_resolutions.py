@@ -11,8 +11,8 @@ from uuid import UUID
 from labweb.accounts import selectors as account_selectors
 from labweb.crutd.answers import DoubtEnd
 from labweb.crutd.models import Event
-from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.resolved import resolution_words
+from labweb.domain.crutd.resolution_words import resolution_words
+from labweb.domain.crutd.transaction_states import TransactionState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,9 +12,10 @@ import msgspec
 
 from labweb.accounts.selectors.hash_chains import EVENTS, first_broken_head
 from labweb.crutd.models import Event, EventHead, EventSubject, LabBase
+from labweb.domain.canonical_json import canonical
 from labweb.domain.crutd import operations
 from labweb.domain.errors import Finding
-from labweb.domain.messages import Countersigned, canonical
+from labweb.domain.messages.chain_heads import Countersigned
 from labweb.resources.selectors import Lab
 
 _AT_ONCE = 2000

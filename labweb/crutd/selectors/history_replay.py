@@ -16,22 +16,22 @@ from labweb.common.clock import now
 from labweb.crutd.models import Entry, Event, Holding, LabBase, Transaction
 from labweb.crutd.selectors.event_chain import events_in_order
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.ledger import Account, Amount
-from labweb.domain.crutd.replay import (
+from labweb.domain.crutd.event_replay import (
     Dated,
     Happening,
-    Node,
     Replay,
+    ReplayNode,
     as_of,
     begin,
     differences,
     fold,
     link,
 )
+from labweb.domain.crutd.ledger import Account, Amount
 from labweb.domain.errors import DefinitionError, Finding, ReconcileError
-from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.tree import in_tree_order
+from labweb.domain.resources.resource_tree import in_tree_order
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource
 
@@ -150,8 +150,8 @@ def kept(lab: Lab) -> Replay:
     return Replay(nodes, balances, {str(key): state for key, state in states}, links)
 
 
-def _node(row: Resource) -> Node:
-    return Node(
+def _node(row: Resource) -> ReplayNode:
+    return ReplayNode(
         id=row.id,
         key=row.key,
         name=row.name,
@@ -211,14 +211,14 @@ def as_it_was(lab: Lab, at: datetime, *, now: datetime) -> Past:
     return Past([_row(node, lab) for node in ordered], contents, depths)
 
 
-def _depth(node: Node, nodes: dict[UUID, Node]) -> int:
+def _depth(node: ReplayNode, nodes: dict[UUID, ReplayNode]) -> int:
     depth = 0
     while node.parent_id is not None:
         node, depth = nodes[node.parent_id], depth + 1
     return depth
 
 
-def _row(node: Node, lab: Lab) -> Resource:
+def _row(node: ReplayNode, lab: Lab) -> Resource:
     return Resource(
         id=node.id,
         lab=lab,

@@ -10,13 +10,13 @@ import msgspec
 
 from labweb.crutd.selectors import amounts
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.graph.lab_file.model import (
+from labweb.domain.graph.lab_file.lab_model import (
     DeviceEntry,
     HostEntry,
     LabFile,
-    Lot,
-    Material,
-    Mode,
+    LabFileLot,
+    LabFileMaterial,
+    LabMode,
 )
 from labweb.domain.resources.contents import LotId, Phase
 from labweb.enrollment import selectors as enrollment_selectors
@@ -57,7 +57,7 @@ def lab_file_of(lab: Lab) -> LabFile:
         id=lab.id,
         name=lab.name,
         time_zone=lab.time_zone,
-        mode=Mode(lab.mode),
+        mode=LabMode(lab.mode),
         materials=tuple(_materials(lab)),
         lots=lots,
         resources=tree.resources,
@@ -71,9 +71,9 @@ def lab_file_of(lab: Lab) -> LabFile:
     )
 
 
-def _materials(lab: Lab) -> Iterable[Material]:
+def _materials(lab: Lab) -> Iterable[LabFileMaterial]:
     for row in resource_selectors.materials_of(lab).order_by("position", "key"):
-        yield Material(
+        yield LabFileMaterial(
             id=row.id,
             key=row.key,
             name=row.name,
@@ -87,9 +87,9 @@ def _materials(lab: Lab) -> Iterable[Material]:
         )
 
 
-def _lots(lab: Lab) -> Iterable[Lot]:
+def _lots(lab: Lab) -> Iterable[LabFileLot]:
     for row in resource_selectors.lots_of(lab).order_by("position", "key"):
-        yield Lot(
+        yield LabFileLot(
             id=row.id,
             key=row.key,
             material_id=row.material_id,
@@ -111,7 +111,7 @@ def _ug(held: Mapping[LotId, Amount]) -> dict[LotId, int]:
 
 def _listed(
     resources: Mapping[UUID, object],
-    lots: Iterable[Lot],
+    lots: Iterable[LabFileLot],
     held: Mapping[UUID, Mapping[LotId, int]],
 ) -> dict[UUID, dict[LotId, int]]:
     """Return what each vessel holds, in the order of the resources and of the lots."""

@@ -11,7 +11,7 @@ from django.db import connection
 from django.db.models import Count
 
 from labweb.crutd.models import Entry, Transaction
-from labweb.domain.crutd.provenance.flows import REACTION, Flow, is_reaction
+from labweb.domain.crutd.provenance.ledger_flows import REACTION, LedgerFlow, is_reaction
 from labweb.domain.crutd.provenance.lineage import (
     History,
     Limits,
@@ -20,7 +20,7 @@ from labweb.domain.crutd.provenance.lineage import (
     trace_down,
     trace_up,
 )
-from labweb.domain.crutd.provenance.picture import to_graph
+from labweb.domain.crutd.provenance.lineage_picture import to_graph
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 
@@ -101,7 +101,7 @@ def _read_ahead(vessel: UUID) -> History:
     has_reaction = any(is_reaction(end) for flow in flows for end in (flow.source, flow.target))
     if not ahead or has_reaction or len(ahead) > _MOST_AHEAD or len(rows) > _MOST_ENTRIES:
         return history
-    known: dict[str, list[Flow]] = {account: [] for account in accounts}
+    known: dict[str, list[LedgerFlow]] = {account: [] for account in accounts}
     for flow in flows:
         for account in {flow.source, flow.target} & known.keys():
             known[account].append(flow)
@@ -151,26 +151,26 @@ def _short_enough(accounts: Sequence[str]) -> list[str]:
     return kept
 
 
-def receipts_of(lot_id: UUID) -> list[Flow]:
+def receipts_of(lot_id: UUID) -> list[LedgerFlow]:
     """Return the flows that brought a lot into the lab."""
     rows = Entry.objects.filter(lot_id=lot_id, state=Entry.State.POSTED)
     nominal = rows.exclude(debit__contains="-").order_by("id")
     return _flows(list(nominal.values_list(*_FIELDS)[:MOST_FLOWS]))
 
 
-def flows_of(transaction_ids: Iterable[UUID]) -> list[Flow]:
+def flows_of(transaction_ids: Iterable[UUID]) -> list[LedgerFlow]:
     """Return the flows that transactions posted; one query."""
     rows = Entry.objects.filter(transaction_id__in=list(transaction_ids))
     posted = rows.filter(state=Entry.State.POSTED).order_by("id")
     return _flows(list(posted.values_list(*_FIELDS)))
 
 
-def _flows(rows: Sequence[tuple[Any, ...]]) -> list[Flow]:
+def _flows(rows: Sequence[tuple[Any, ...]]) -> list[LedgerFlow]:
     grouped: dict[tuple[str, str, str], list[tuple[Any, ...]]] = {}
     for row in rows:
         grouped.setdefault((str(row[1]), row[2], row[3]), []).append(row)
     return [
-        Flow(
+        LedgerFlow(
             order=entries[0][0],
             activity=activity,
             source=debit,

@@ -12,7 +12,7 @@ from labweb.crutd.models import Event as Event
 from labweb.crutd.models import Holding as Holding
 from labweb.crutd.models import Ticket as Ticket
 from labweb.crutd.models import Transaction as Transaction
-from labweb.domain.runs.locks import Lock, LockMode
+from labweb.domain.runs.exclusive_use.action_locks import Lock, LockMode
 
 # Written out: it is on the way of every operation of the lab.
 _LOCKS = """

@@ -10,7 +10,7 @@ import msgspec
 
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.snapshot import ResourceState
-from labweb.domain.resources.places import is_bounded
+from labweb.domain.resources.placement import is_bounded
 from labweb.resources.selectors.occupants import places_of
 
 

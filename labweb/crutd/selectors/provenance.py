@@ -14,10 +14,10 @@ from django.db.models import Q
 from labweb.common.render import iso
 from labweb.crutd.models import Event, EventSubject, Transaction
 from labweb.crutd.selectors.doubt_resolutions import Resolved, resolved_of
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
-from labweb.domain.crutd.provenance.facts import LotFact, ResourceFact, TransactionFact
-from labweb.domain.crutd.provenance.stays import Move
+from labweb.domain.crutd.provenance.recorded_facts import LotFact, ResourceFact, TransactionFact
+from labweb.domain.crutd.provenance.stays_at_places import PlaceMove
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.resources import selectors as resource_selectors
 
 MOST_ACTS = 1000
@@ -166,7 +166,7 @@ def lot_facts(ids: Iterable[str]) -> list[LotFact]:
     ]
 
 
-def moves_of(ids: Collection[str]) -> list[Move]:
+def moves_of(ids: Collection[str]) -> list[PlaceMove]:
     """Return every committed change of place of the resources; one query."""
     rows = EventSubject.objects.filter(
         Q(event__state="committed"),
@@ -180,7 +180,7 @@ def moves_of(ids: Collection[str]) -> list[Move]:
         target = (change.get("moves") or {}).get(str(resource_id))
         source = body["operation"].get("from_id")
         if target is not None:
-            found.append(Move(at, str(resource_id), _text(source), str(target)))
+            found.append(PlaceMove(at, str(resource_id), _text(source), str(target)))
     return found
 
 

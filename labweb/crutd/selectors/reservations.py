@@ -12,8 +12,8 @@ from labweb.common.clock import now
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import ResourceReservation as ResourceReservation
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.locks import Lock, LockMode
-from labweb.domain.runs.reserving import Claim
+from labweb.domain.runs.exclusive_use.action_locks import Lock, LockMode
+from labweb.domain.runs.exclusive_use.reservations import ReservedLock
 from labweb.resources.selectors import Lab
 
 _USES = """
@@ -38,7 +38,7 @@ FROM reserved WHERE id IN (SELECT id FROM wanted)
 """What stands above a reserved thing is taken in intention, wherever it stands by now."""
 
 
-Uses = tuple[list[tuple[Lock, UUID]], list[Claim]]
+Uses = tuple[list[tuple[Lock, UUID]], list[ReservedLock]]
 """Live locks, each with its transaction, and reservations."""
 
 
@@ -61,13 +61,15 @@ def asking_uses(ids: Iterable[UUID], actor_id: UUID | None) -> Question[tuple[An
 def uses_of(found: Iterable[tuple[Any, ...]]) -> Uses:
     """Return them from what that has found."""
     held: list[tuple[Lock, UUID]] = []
-    claims: list[Claim] = []
+    claims: list[ReservedLock] = []
     for node, mode, owner, made_at, is_own in found:
         lock = Lock(node, LockMode(mode))
         if made_at is None:
             held.append((lock, owner))
         else:
-            claims.append(Claim(lock=lock, reservation_id=owner, made_at=made_at, is_own=is_own))
+            claims.append(
+                ReservedLock(lock=lock, reservation_id=owner, made_at=made_at, is_own=is_own)
+            )
     return held, claims
 
 

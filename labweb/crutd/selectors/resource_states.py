@@ -19,8 +19,8 @@ from labweb.crutd.models import Holding as Holding
 from labweb.crutd.models import Ticket as Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.crutd.selectors.amounts import amounts, amounts_by_vessel
-from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.crutd.ledger import Amount
+from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.resources.contents import LotId
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Lot, Resource

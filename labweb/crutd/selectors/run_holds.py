@@ -11,7 +11,7 @@ from django.db.models import QuerySet
 
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import RunHold as RunHold
-from labweb.domain.runs.holding import Mode
+from labweb.domain.runs.exclusive_use.run_holds import UseMode
 
 _HOLDS = """
 WITH RECURSIVE wanted(id) AS (
@@ -37,7 +37,7 @@ class HeldAt:
     """How a hold is met at one place of the tree."""
 
     node_id: UUID
-    mode: Mode
+    mode: UseMode
     """`WITHIN` where the held thing stands in this one."""
 
     resource_id: UUID
@@ -59,7 +59,7 @@ def holds_at(found: Iterable[tuple[Any, ...]]) -> list[HeldAt]:
     return [
         HeldAt(
             node_id=node,
-            mode=Mode(mode) if node == resource_id else Mode.WITHIN,
+            mode=UseMode(mode) if node == resource_id else UseMode.WITHIN,
             resource_id=resource_id,
             run_id=run_id,
             run_number=number,

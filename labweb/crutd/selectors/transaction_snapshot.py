@@ -11,12 +11,12 @@ from uuid import UUID
 from labweb.crutd.models import Event
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.history_replay import replayed_to
+from labweb.domain.crutd.event_replay import Replay
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.crutd.provenance.flows import is_nominal
+from labweb.domain.crutd.provenance.ledger_flows import is_nominal
 from labweb.domain.crutd.provenance.lineage import Limits, Page, trace_up
-from labweb.domain.crutd.replay import Replay
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.resources.selectors import Lab
 
 _DEPTH = 100

@@ -11,8 +11,8 @@ from labweb.crutd.models import Holding as Holding
 from labweb.crutd.models import Ticket as Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.balance import Move
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.mass_balance import MassMove
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
 
@@ -41,12 +41,12 @@ def find_transaction(transaction_id: UUID) -> Transaction:
     return row
 
 
-def posted_by(job_ids: Iterable[UUID]) -> list[Move]:
+def posted_by(job_ids: Iterable[UUID]) -> list[MassMove]:
     """Return what the jobs moved, entry by entry."""
     rows = Entry.objects.filter(state=Entry.State.POSTED, transaction__job_id__in=list(job_ids))
     columns = ("lot_id", "debit", "credit", "amount_nl", "amount_ug")
     return [
-        Move(LotId(str(lot)), debit, credit, nl, ug)
+        MassMove(LotId(str(lot)), debit, credit, nl, ug)
         for lot, debit, credit, nl, ug in rows.values_list(*columns)
     ]
 

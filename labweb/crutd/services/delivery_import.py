@@ -10,11 +10,11 @@ from django.db.transaction import atomic
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.crutd.services.transactions import carry_out
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.deliveries import Delivery, at_row, refused
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.delivery_table import Delivery, at_row, refused
 from labweb.domain.crutd.operations import Portion, Receive
 from labweb.domain.errors import Finding, StateError
-from labweb.domain.graph.lab_file.model import entry_id
+from labweb.domain.graph.lab_file.lab_model import entry_id
 from labweb.domain.resources.contents import Phase
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab

@@ -13,17 +13,23 @@ from labweb.accounts.selectors import User
 from labweb.crutd.services.events import wait_for_others
 from labweb.crutd.services.transaction_opening import lock_operation
 from labweb.crutd.services.transactions import Settlement, settle
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.operations import Create
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import DefinitionError, Finding, PreconditionError, StateError
-from labweb.domain.graph.injection import Injection, Part, Tube, injected, list_reasons
-from labweb.domain.graph.lab_file.config import check_config
-from labweb.domain.graph.topology import Medium
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.node import Resource as ResourceData
-from labweb.domain.resources.places import Thing, check_arriving
+from labweb.domain.graph.device_parts import (
+    DeviceComponent,
+    Injection,
+    InnerTube,
+    injected,
+    list_reasons,
+)
+from labweb.domain.graph.lab_file.resource_config import check_config
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.resources.placement import PlacedThing, check_arriving
+from labweb.domain.resources.resource import Resource as ResourceData
+from labweb.domain.resources.resource_kinds import KINDS
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device
 from labweb.enrollment.services import Wanted
@@ -121,7 +127,7 @@ def _check_fit(resources: Sequence[ResourceData], parent_id: UUID) -> None:
         PreconditionError: One has not; findings list each. The parent is locked by the caller.
     """
     arriving = [
-        (Thing(one.id, one.name, one.kind), one.parent_id)
+        (PlacedThing(one.id, one.name, one.kind), one.parent_id)
         for one in resources
         if one.parent_id is not None
     ]
@@ -156,11 +162,11 @@ def _checked(device: Device, made: Injection) -> dict[str, UUID]:
     return {part.key: uuid5(device.id, part.key) for part in made.parts}
 
 
-def _key(tube: Tube) -> str:
+def _key(tube: InnerTube) -> str:
     return f"{tube.source}_{tube.target}"
 
 
-def _node(part: Part, ids: Mapping[str, UUID], parent_id: UUID) -> ResourceData:
+def _node(part: DeviceComponent, ids: Mapping[str, UUID], parent_id: UUID) -> ResourceData:
     return ResourceData(
         id=ids[part.key],
         key=part.key,
@@ -186,7 +192,7 @@ def _told(node: ResourceData, position: int) -> dict[str, Any]:
     }
 
 
-def _link(tube: Tube, ids: Mapping[str, UUID]) -> dict[str, Any]:
+def _link(tube: InnerTube, ids: Mapping[str, UUID]) -> dict[str, Any]:
     return {
         "id": str(uuid5(ids[tube.source], _key(tube))),
         "key": _key(tube),

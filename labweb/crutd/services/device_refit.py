@@ -12,12 +12,12 @@ from django.db.transaction import atomic
 
 from labweb.crutd.services.transactions import carry_out, check_operation
 from labweb.domain.crutd.operations import Create, Joint, Refit
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.graph.injection import Part, Tube
-from labweb.domain.graph.refit import PartChanges, find_changes
-from labweb.domain.graph.topology import Medium
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.graph.device_parts import DeviceComponent, InnerTube
+from labweb.domain.graph.device_parts_changes import PartChanges, find_changes
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
@@ -90,7 +90,7 @@ class _Fitting:
         self.ids = {key: self.rows[was].id for key, was in changes.kept.items() if was in self.rows}
         """Resource by the key after."""
 
-    def _own(self, part: Part) -> UUID | None:
+    def _own(self, part: DeviceComponent) -> UUID | None:
         for role in part.roles:
             if role in self.device.nodes:
                 return UUID(self.device.nodes[role])
@@ -149,7 +149,7 @@ class _Fitting:
             found = Finding("driver.parts_unknown", text, self.device.key)
             raise PreconditionError(text, code="driver.parts_unknown", findings=[found])
 
-    def _tops(self) -> list[Part]:
+    def _tops(self) -> list[DeviceComponent]:
         """Return the parts that go, without places that go along inside another.
 
         A vessel of its own is named beside that which it is in: it must be empty.
@@ -190,7 +190,7 @@ class _Fitting:
             added.append(create)
         return added, back
 
-    def _known_before(self, part: Part) -> Resource | None:
+    def _known_before(self, part: DeviceComponent) -> Resource | None:
         """Return the part that the device had before in this role; it is out of service now."""
         past = [self.device.past_nodes.get(role) for role in part.roles]
         ids = [UUID(one) for one in past if one] or [uuid5(self.device.id, part.key)]
@@ -238,13 +238,13 @@ def _root(anchor: Resource) -> PreconditionError:
     )
 
 
-def _is_this(row: Connection, tube: Tube, ends: tuple[UUID, UUID]) -> bool:
+def _is_this(row: Connection, tube: InnerTube, ends: tuple[UUID, UUID]) -> bool:
     forth = (row.source_id, row.source_port, row.target_id, row.target_port)
     back = (row.target_id, row.target_port, row.source_id, row.source_port)
     return (ends[0], tube.source_port, ends[1], tube.target_port) in (forth, back)
 
 
-def _joint(tube: Tube, ids: Mapping[str, UUID]) -> Joint:
+def _joint(tube: InnerTube, ids: Mapping[str, UUID]) -> Joint:
     key = f"{tube.source}_{tube.target}"
     return Joint(
         id=uuid5(ids[tube.source], key),

@@ -21,9 +21,9 @@ from labweb.crutd import selectors
 from labweb.crutd.models import Event, Ticket, Transaction
 from labweb.crutd.selectors.event_chain import event_hash as event_hash
 from labweb.crutd.selectors.event_chain import told_columns
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Change
+from labweb.domain.crutd.settlement import Change
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab

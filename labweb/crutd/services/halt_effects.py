@@ -10,8 +10,8 @@ from labweb.crutd.models import Transaction
 from labweb.crutd.services.ledger_posting import open_transaction
 from labweb.crutd.services.transactions import Settlement, settle
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.resources.selectors import Resource
 
 

@@ -17,10 +17,10 @@ from labweb.crutd.services.locks import check_free, hold_and_ask, roomy_of
 from labweb.crutd.services.run_holds import Asker, check_unheld
 from labweb.crutd.services.transaction_opening import check_states
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.reserved import reservations
-from labweb.domain.runs.batch import shares
-from labweb.domain.runs.locks import lock_set
+from labweb.domain.crutd.reserved_amounts import reservations
+from labweb.domain.crutd.transaction_states import TransactionState
+from labweb.domain.runs.exclusive_use.action_locks import lock_set
+from labweb.domain.runs.host_actions.host_batch import shares
 from labweb.resources.selectors import Lab
 
 

@@ -19,12 +19,12 @@ from labweb.crutd.selectors.lab_export import file_extra
 from labweb.crutd.services.events import record
 from labweb.crutd.services.ledger_posting import post
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Change, Posting
 from labweb.domain.crutd.ledger import Account
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.settlement import Change, Posting
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import LabFileError, StateError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.resources.node import Resource as ResourceData
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.resources.resource import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Connection, Lab, Lot, Material, Resource

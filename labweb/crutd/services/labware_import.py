@@ -14,10 +14,10 @@ from labweb.crutd import selectors
 from labweb.crutd.models import Transaction
 from labweb.crutd.services.transaction_opening import lock_operation
 from labweb.crutd.services.transactions import Settlement, settle
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Create
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import DefinitionError, Finding, StateError
-from labweb.domain.resources.node import Resource as ResourceData
+from labweb.domain.resources.resource import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab

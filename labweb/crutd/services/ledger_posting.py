@@ -17,8 +17,8 @@ from labweb.common.clock import happened_at, new_id
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting
-from labweb.domain.crutd.reserved import Reservation
-from labweb.domain.runs.locks import Lock
+from labweb.domain.crutd.reserved_amounts import Reservation
+from labweb.domain.runs.exclusive_use.action_locks import Lock
 
 _OPEN = """
 WITH opened AS (

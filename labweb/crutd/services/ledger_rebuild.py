@@ -27,12 +27,12 @@ from labweb.crutd.selectors.history_replay import base_of, rebuild_differences, 
 from labweb.crutd.services.lab_import import rows_of
 from labweb.crutd.services.ledger_posting import reserve
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.event_replay import Replay, ReplayNode
 from labweb.domain.crutd.ledger import posting_from
-from labweb.domain.crutd.lifecycle import FINAL, TransactionState
-from labweb.domain.crutd.replay import Node, Replay
-from labweb.domain.crutd.reserved import reservations
+from labweb.domain.crutd.reserved_amounts import reservations
+from labweb.domain.crutd.transaction_states import FINAL, TransactionState
 from labweb.domain.errors import ReconcileError, StateError
-from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab, Resource
 
@@ -196,8 +196,8 @@ def _write_rows(lab: Lab, base: LabFile, told: Replay) -> None:
             resource_services.rewrite_lots(operation, lab)
 
 
-def _parents_first(nodes: list[Node]) -> Iterator[Node]:
-    below: dict[UUID | None, list[Node]] = {}
+def _parents_first(nodes: list[ReplayNode]) -> Iterator[ReplayNode]:
+    below: dict[UUID | None, list[ReplayNode]] = {}
     for node in nodes:
         below.setdefault(node.parent_id, []).append(node)
     left = below.get(None, [])
@@ -206,7 +206,7 @@ def _parents_first(nodes: list[Node]) -> Iterator[Node]:
         left = [child for node in left for child in below.get(node.id, ())]
 
 
-def _resource(lab: Lab, node: Node, imported: Resource | None) -> Resource:
+def _resource(lab: Lab, node: ReplayNode, imported: Resource | None) -> Resource:
     return Resource(
         id=node.id,
         lab=lab,

@@ -7,8 +7,8 @@ from labweb.crutd.selectors import Transaction
 from labweb.crutd.services.ledger_posting import open_transaction
 from labweb.crutd.services.locks import roomy_of
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.runs.locks import lock_set
+from labweb.domain.crutd.transaction_states import TransactionState
+from labweb.domain.runs.exclusive_use.action_locks import lock_set
 from labweb.resources import selectors as resource_selectors
 
 

@@ -13,13 +13,13 @@ from labweb.accounts import selectors as account_selectors
 from labweb.common.prepared import Question, together
 from labweb.crutd import selectors
 from labweb.crutd.selectors import reservations
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import Finding, LockedError
-from labweb.domain.runs.holding import ROOMY, places_of
-from labweb.domain.runs.locks import Lock, conflicts, lock_set
-from labweb.domain.runs.reserving import Claim, in_the_way
+from labweb.domain.runs.exclusive_use.action_locks import Lock, conflicts, lock_set
+from labweb.domain.runs.exclusive_use.reservations import ReservedLock, in_the_way
+from labweb.domain.runs.exclusive_use.run_holds import ROOMY, places_of
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Resource
 
@@ -159,7 +159,7 @@ def reserved_findings(
 
 
 def _in_the_way(
-    wanted: Sequence[Lock], claims: Sequence[Claim], actor_id: UUID | None
+    wanted: Sequence[Lock], claims: Sequence[ReservedLock], actor_id: UUID | None
 ) -> list[Finding]:
     rows = [reservations.find_reservation(one) for one in in_the_way(wanted, claims)]
     actor = account_selectors.user_by_id(actor_id) if rows and actor_id is not None else None

@@ -12,7 +12,7 @@ from labweb.common.clock import now
 from labweb.crutd.models import ResourceReservation
 from labweb.crutd.services.locks import hold
 from labweb.domain.errors import DefinitionError, Finding, PreconditionError
-from labweb.domain.runs.reserving import check_request
+from labweb.domain.runs.exclusive_use.reservations import check_request
 
 
 @atomic

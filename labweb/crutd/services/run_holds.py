@@ -14,9 +14,9 @@ from labweb.crutd.models import RunHold
 from labweb.crutd.selectors.run_holds import HeldAt, holds_on
 from labweb.domain.crutd import operations
 from labweb.domain.errors import Finding, LockedError
-from labweb.domain.runs.holding import (
+from labweb.domain.runs.exclusive_use.run_holds import (
     Above,
-    Mode,
+    UseMode,
     excludes,
     may_use_by_hand,
     modes_of,
@@ -45,7 +45,7 @@ class Keeper:
     holder_id: UUID
 
 
-def taking(keeper: Keeper, modes: Mapping[UUID, tuple[Mode, int]]) -> Question[Any]:
+def taking(keeper: Keeper, modes: Mapping[UUID, tuple[UseMode, int]]) -> Question[Any]:
     """Return what gives things to a run: how it holds each, and until which of its steps.
 
     The rows of the things are locked, and nobody stands in the way. What it holds already it

@@ -21,13 +21,13 @@ from labweb.crutd.services.events import wait_for_others
 from labweb.crutd.services.ledger_posting import opening
 from labweb.crutd.services.locks import check_free, hold_and_ask, roomy_of
 from labweb.crutd.services.run_holds import Asker, check_unheld
-from labweb.domain.crutd import decide, operations
-from labweb.domain.crutd.decide import ResourceState
-from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.reserved import reservations
+from labweb.domain.crutd import operations, settlement
+from labweb.domain.crutd.reserved_amounts import reservations
+from labweb.domain.crutd.settlement import ResourceState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import PreconditionError
-from labweb.domain.runs.holding import places_of
-from labweb.domain.runs.locks import lock_set
+from labweb.domain.runs.exclusive_use.action_locks import lock_set
+from labweb.domain.runs.exclusive_use.run_holds import places_of
 from labweb.resources.selectors import Above, Lab, Resource
 
 
@@ -173,7 +173,7 @@ def check_states(
     else:
         states, lots = selectors.states_and_lots(own, above, holdings)
     states = with_place(operation, states)
-    findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
+    findings = settlement.check(operation, states, facts_for(operation, lab, states, lots))
     if findings:
         raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
     return states

@@ -20,13 +20,14 @@ from labweb.crutd.services.ledger_posting import close_transaction, post, reserv
 from labweb.crutd.services.locks import reserved_findings, roomy_of
 from labweb.crutd.services.run_holds import Asker, held_findings
 from labweb.crutd.services.transaction_opening import lock_and_read
-from labweb.domain.crutd import decide, lifecycle, operations
-from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
+from labweb.domain.crutd import operations, transaction_states
+from labweb.domain.crutd import settlement as decide
 from labweb.domain.crutd.ledger import vessels_of
-from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.reserved import Reservation, reservations
+from labweb.domain.crutd.reserved_amounts import Reservation, reservations
+from labweb.domain.crutd.settlement import Change, Outcome, OutcomeKind, ResourceState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import Finding, PreconditionError, StateError
-from labweb.domain.runs.batch import heirs
+from labweb.domain.runs.host_actions.host_batch import heirs
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab
@@ -83,7 +84,7 @@ def advance(transaction_id: UUID, state: TransactionState) -> None:
     """
     row = selectors.transaction_for_update(transaction_id)
     _take_turn(row)
-    lifecycle.check_step(TransactionState(row.state), state)
+    transaction_states.check_step(TransactionState(row.state), state)
     row.state = state.value
     row.save(update_fields=["state"])
 
@@ -160,7 +161,7 @@ def _settle(
         # It waited for its turn, and nobody knows whether that came: nothing was reserved.
         row.state = TransactionState.LOCKED.value
         row.save(update_fields=["state"])
-    lifecycle.check_step(TransactionState(row.state), change.state)
+    transaction_states.check_step(TransactionState(row.state), change.state)
     change = _with_released(row, change, settlement)
     if settlement.closes:
         change = replace(change, quarantined=change.quarantined | settlement.closes)
@@ -211,7 +212,9 @@ def _decide(
 
 def _with_released(row: Transaction, change: Change, settlement: Settlement) -> Change:
     """Add the resources whose quarantine ends with their transaction's doubt."""
-    is_settled = row.state == TransactionState.QUARANTINED.value and change.state in lifecycle.FINAL
+    is_settled = (
+        row.state == TransactionState.QUARANTINED.value and change.state in transaction_states.FINAL
+    )
     if not is_settled or settlement.keep_quarantined:
         return change
     closed = resource_selectors.quarantined_by(row.id)
@@ -236,7 +239,7 @@ def _apply(
         resource_services.release(change.released)
     if change.quarantined:
         resource_services.quarantine(change.quarantined, row.id)
-    has_ended = change.state in lifecycle.FINAL
+    has_ended = change.state in transaction_states.FINAL
     post(row, change.postings, _reserved(row, operation) if has_ended else ())
     if settlement.revs:
         resource_services.set_revs(settlement.revs)
@@ -288,7 +291,7 @@ def _close(row: Transaction, change: Change, settlement: Settlement) -> None:
     row.verification = settlement.verification
     row.conditions = [*row.conditions, *(dict(c) for c in settlement.conditions)]
     row.code, row.message = settlement.code, settlement.message
-    if change.state in lifecycle.FINAL:
+    if change.state in transaction_states.FINAL:
         row.settled_at = happened_at()
         _pass_on(row)
     close_transaction(row)
@@ -299,7 +302,7 @@ def _pass_on(row: Transaction) -> None:
     if row.batch_id is None:
         return
     members = Transaction.objects.filter(batch_id=row.batch_id).exclude(pk=row.pk)
-    members = members.exclude(state__in=[state.value for state in lifecycle.FINAL])
+    members = members.exclude(state__in=[state.value for state in transaction_states.FINAL])
     claims = {
         member.pk: {UUID(node) for node in member.claims} for member in members.order_by("pk")
     }
@@ -319,7 +322,7 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
         device is set to until it is set anew.
     """
     row = selectors.transaction_for_update(transaction_id)
-    lifecycle.check_step(TransactionState(row.state), TransactionState.ROLLED_BACK)
+    transaction_states.check_step(TransactionState(row.state), TransactionState.ROLLED_BACK)
     operation = operations.from_json(row.operation)
     change = Change(state=TransactionState.ROLLED_BACK, data=decide.given_up(operation))
     # The host has raised the revisions by closing the vessels anew; what it is sent next must

@@ -8,7 +8,7 @@ from uuid import UUID
 from labweb.domain.crutd.operations import Delete
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
-from labweb.domain.graph.attached import to_json
+from labweb.domain.graph.attachments import to_json
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import render_mass, render_volume
 

@@ -11,14 +11,14 @@ import msgspec
 from msgspec import Meta
 
 from labweb.domain.crutd.ledger import Account
-from labweb.domain.crutd.particulars import Amount as Amount
-from labweb.domain.crutd.particulars import Difference as Difference
-from labweb.domain.crutd.particulars import Joint as Joint
-from labweb.domain.crutd.particulars import Name as Name
-from labweb.domain.crutd.particulars import Portion as Portion
-from labweb.domain.crutd.particulars import Product as Product
-from labweb.domain.crutd.particulars import Share as Share
-from labweb.domain.crutd.particulars import Text as Text
+from labweb.domain.crutd.operation_parts import Amount as Amount
+from labweb.domain.crutd.operation_parts import Difference as Difference
+from labweb.domain.crutd.operation_parts import Joint as Joint
+from labweb.domain.crutd.operation_parts import Name as Name
+from labweb.domain.crutd.operation_parts import Portion as Portion
+from labweb.domain.crutd.operation_parts import Product as Product
+from labweb.domain.crutd.operation_parts import Share as Share
+from labweb.domain.crutd.operation_parts import Text as Text
 from labweb.domain.resources.contents import Phase
 
 

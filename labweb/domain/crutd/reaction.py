@@ -12,11 +12,11 @@ from dataclasses import replace
 
 from labweb.domain.crutd.ledger import Account, Posting, posted
 from labweb.domain.crutd.operations import Product, React, Share
+from labweb.domain.crutd.receive_correct_dispose import check_room
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
-from labweb.domain.crutd.stock import check_room
 from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import Contents, LotId, Phase
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.units import render_mass, render_volume
 
 _ROUNDING_UG = 1

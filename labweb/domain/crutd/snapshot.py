@@ -8,9 +8,9 @@ from datetime import date
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.graph.attached import Attachment
+from labweb.domain.graph.attachments import Attachment
 from labweb.domain.resources.contents import Contents, LotId, Phase
-from labweb.domain.resources.places import Place, Thing
+from labweb.domain.resources.placement import Place, PlacedThing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class ResourceState:
     """Transaction whose outcome nobody knows."""
 
     is_archived: bool = False
-    there: tuple[Thing, ...] = ()
+    there: tuple[PlacedThing, ...] = ()
     """What stands in it, where that has a say in what may come: `places.is_bounded`."""
 
     sites_count: int | None = None

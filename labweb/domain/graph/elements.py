@@ -7,13 +7,13 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.ports_and_connections import Medium
 
 NL_PER_ML = 1_000_000
 NL_PER_UL = 1_000
 
 
-class Role(StrEnum):
+class ElementRole(StrEnum):
     """What an element does with liquid."""
 
     VESSEL = "vessel"
@@ -51,7 +51,7 @@ class Element:
     key: str
     """Id in the file, by which actions name the device."""
 
-    role: Role
+    role: ElementRole
     kind: str = ""
     """Class in the file, for sentences."""
 

@@ -11,11 +11,11 @@ from functools import cached_property
 from uuid import UUID
 
 from labweb.domain.errors import NoRouteError
-from labweb.domain.graph.elements import Element, Role, Tube, is_numbered
-from labweb.domain.graph.network import Network, Search, Step, make_hop
-from labweb.domain.graph.topology import Connection, PhysicalGraph, PortRef
-from labweb.domain.resources.node import Resource
-from labweb.domain.resources.tree import Tree
+from labweb.domain.graph.elements import Element, ElementRole, Tube, is_numbered
+from labweb.domain.graph.port_network import Network, PortSearch, SearchStep, make_hop
+from labweb.domain.graph.ports_and_connections import Connection, PhysicalGraph, PortRef
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_tree import Tree
 
 __all__ = ["COMMON_PORT", "Route", "ValvePosition", "find_route", "is_numbered"]
 
@@ -140,11 +140,11 @@ class _Question:
         """Everything that a liquid connection joins, in the order of the network."""
         return self.plumbing.resources
 
-    def search(self) -> Search:
+    def search(self) -> PortSearch:
         """Begin at the source."""
         place = self.plumbing.places
         is_pump = self.tree.find(self.source).kind == "syringe_pump"
-        return Search(
+        return PortSearch(
             self.plumbing.network,
             place[self.source],
             blocked=frozenset(place[each] for each in self.blocked if each in place),
@@ -226,26 +226,26 @@ def _tube(key: str, connection: Connection, keys: dict[UUID, str], *, backwards:
 
 def _element(resource: Resource, *, solenoids: bool, ends: Collection[UUID]) -> Element:
     """Return what a resource conducts. What a way begins and ends at is never passed."""
-    role = Role.OTHER
+    role = ElementRole.OTHER
     if resource.id not in ends:
         if resource.kind == _ROTARY:
-            role = Role.VALVE
+            role = ElementRole.VALVE
         elif resource.kind == _SOLENOID and solenoids:
-            role = Role.SOLENOID
+            role = ElementRole.SOLENOID
     common = str(resource.config.get("common_port", COMMON_PORT))
     return Element(
         key=_key(resource), role=role, kind=resource.kind, common_port=common, numbered=True
     )
 
 
-def _cheapest(question: _Question) -> tuple[int, Step] | None:
+def _cheapest(question: _Question) -> tuple[int, SearchStep] | None:
     for dead_nl, step in question.search().settle():
         if question.resources[step.element].id == question.target:
             return dead_nl, step
     return None
 
 
-def _render(question: _Question, dead_nl: int, step: Step) -> Route:
+def _render(question: _Question, dead_nl: int, step: SearchStep) -> Route:
     resources = question.resources
     plumbing = question.plumbing
     hop = make_hop(plumbing.network, plumbing.places[question.source], step, dead_nl)

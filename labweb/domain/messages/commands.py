@@ -7,9 +7,13 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.calibration.model import Correction
-from labweb.domain.messages.drivers import Signed
-from labweb.domain.messages.version import PROTOCOL_VERSION
+from labweb.domain.calibration.correction import Correction
+from labweb.domain.messages.devices_and_drivers import (
+    Signed,
+)
+from labweb.domain.messages.protocol_version import (
+    PROTOCOL_VERSION,
+)
 
 
 class StandingView(msgspec.Struct, frozen=True, kw_only=True):
@@ -213,7 +217,7 @@ class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only
     v: int = PROTOCOL_VERSION
 
 
-class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=True):
+class HostBatch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=True):
     """All that one host does of a run from here on: taken whole, or not at all."""
 
     host_id: UUID
@@ -232,4 +236,20 @@ class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=Tru
     v: int = PROTOCOL_VERSION
 
 
-Command = Do | Cancel | Resolve | Reset | Halt | Batch | Release | Receive
+Command = Do | Cancel | Resolve | Reset | Halt | HostBatch | Release | Receive
+
+
+class Nudge(msgspec.Struct, frozen=True, tag="nudge", tag_field="t", kw_only=True):
+    """A command waits: a doorbell beside the broker's, for a broker that is away."""
+
+    signed: Signed
+
+
+def decode_command(body: str | bytes) -> Command:
+    """Read a command's signed text.
+
+    Raises:
+        msgspec.ValidationError: It is none of the commands; nothing happened.
+    """
+    command: Command = msgspec.json.decode(body, type=Command)
+    return command

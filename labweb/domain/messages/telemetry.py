@@ -31,7 +31,7 @@ class TelemetryGap(msgspec.Struct, frozen=True, kw_only=True):
     anew), `too_large` (more than a frame may hold)."""
 
 
-class Telemetry(msgspec.Struct, frozen=True, tag="telemetry", tag_field="t", kw_only=True):
+class TelemetryFrame(msgspec.Struct, frozen=True, tag="telemetry", tag_field="t", kw_only=True):
     """Samples since the last frame. What is lost among them is told as a gap."""
 
     epoch: int

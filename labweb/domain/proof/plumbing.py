@@ -6,12 +6,12 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from labweb.domain.graph.elements import NL_PER_UL, Element, Role, is_numbered
-from labweb.domain.graph.rig.elements import volume_nl
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.volumes import level_nl, listed_nl
-from labweb.domain.graph.topology import Medium
-from labweb.domain.proof.matter import UNITS_PER_NL
+from labweb.domain.graph.elements import NL_PER_UL, Element, ElementRole, is_numbered
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.nodes_as_elements import volume_nl
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.stated_volumes import level_nl, listed_nl
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL
 
 _CARRIES = frozenset((Medium.LIQUID, Medium.GAS, Medium.VACUUM))
 _GASES = frozenset(("air", "nitrogen", "argon", "ar", "n2", "hydrogen", "h2"))
@@ -59,7 +59,11 @@ class Plumbing:
             self._joined.setdefault(tube.target, set()).add(tube.source)
         for element in rig.elements:
             carrier = self.elements.get(str(element.attributes.get("parent")))
-            if element.role is Role.VESSEL and carrier is not None and carrier.role is Role.OTHER:
+            if (
+                element.role is ElementRole.VESSEL
+                and carrier is not None
+                and carrier.role is ElementRole.OTHER
+            ):
                 self._joined.setdefault(element.key, set()).add(carrier.key)
                 self._joined.setdefault(carrier.key, set()).add(element.key)
         for tube in self.tubes:
@@ -78,7 +82,11 @@ class Plumbing:
             tube.key
             for tube in self.tubes
             if any(
-                {End(tube.source, tube.source_port), End(tube.target, tube.target_port)} <= way
+                {
+                    End(tube.source, tube.source_port),
+                    End(tube.target, tube.target_port),
+                }
+                <= way
                 for way in found
             )
         )
@@ -103,8 +111,8 @@ class Plumbing:
         if element is None:
             return False
         is_named = _label(element).lower() in _GASES
-        is_flask = element.role is Role.VESSEL and "flask" in element.kind.lower()
-        return element.role is Role.GAS or (is_named and is_flask)
+        is_flask = element.role is ElementRole.VESSEL and "flask" in element.kind.lower()
+        return element.role is ElementRole.GAS or (is_named and is_flask)
 
     def is_vessel(self, key: str) -> bool:
         """Tell whether matter can be in it; the collecting flask of a rotary evaporator too."""
@@ -112,7 +120,7 @@ class Plumbing:
             owner = self.elements.get(key.removesuffix(COLLECT))
             return owner is not None and is_evaporator(owner)
         element = self.elements.get(key)
-        return element is not None and element.role is Role.VESSEL and not self.is_gas(key)
+        return element is not None and element.role is ElementRole.VESSEL and not self.is_gas(key)
 
     def condenses_in(self, vessel: str) -> str | None:
         """Return where the vapour of a vessel goes: its own flask, or down its way for gas."""
@@ -162,7 +170,7 @@ class Plumbing:
         """Tell whether a valve, or a pump with a valve, has that position."""
         if element.positions:
             return port in element.positions
-        if element.role is Role.PUMP:
+        if element.role is ElementRole.PUMP:
             return element.selects and port in self.ports_of(element.key)
         if element.common_port is None or port == element.common_port:
             return False
@@ -172,7 +180,7 @@ class Plumbing:
 
     def is_shut(self, key: str, stands: Stands) -> bool:
         """Tell whether an element is a shut solenoid, with a tube at either side and no more."""
-        if self.elements[key].role is not Role.SOLENOID or key in stands.opened:
+        if self.elements[key].role is not ElementRole.SOLENOID or key in stands.opened:
             return False
         tubes = {*self._all_tubes(key)}
         sides = [port for port, _ in tubes if port]
@@ -185,11 +193,11 @@ class Plumbing:
 
         With `maybe`, a valve that nobody has turned yet may stand anywhere.
         """
-        if element.role is Role.SOLENOID:
+        if element.role is ElementRole.SOLENOID:
             return None if element.key in stands.opened else set()
-        if element.role in (Role.CARTRIDGE, Role.MANIFOLD):
+        if element.role in (ElementRole.CARTRIDGE, ElementRole.MANIFOLD):
             return None
-        if element.role is not Role.VALVE:
+        if element.role is not ElementRole.VALVE:
             return set()
         stand = stands.ports.get(element.key)
         if stand is None:
@@ -218,7 +226,7 @@ class Plumbing:
                 continue
             seen.add(end)
             element = self.elements[end.key]
-            if element.role in (Role.VACUUM, Role.OTHER) or self.is_gas(end.key):
+            if element.role in (ElementRole.VACUUM, ElementRole.OTHER) or self.is_gas(end.key):
                 yield end
                 continue
             leave = self.passes(element, end, stands, maybe=maybe)
@@ -250,6 +258,6 @@ def _label(element: Element) -> str:
 def is_evaporator(element: Element) -> bool:
     """Tell whether an element is a rotary evaporator: a vessel that boils into another."""
     word = element.kind.lower().replace("_", "")
-    return element.role is Role.VESSEL and any(
+    return element.role is ElementRole.VESSEL and any(
         part in word for part in ("rotavap", "rotovap", "rv10", "r300")
     )

@@ -8,21 +8,23 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish, expand_recipe
-from labweb.domain.recipes.xdl.chosen import OnRig
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.expansion.basic import Kind
+from labweb.domain.recipes.recipe_to_plan import CompileWish, expand_recipe
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
-from labweb.domain.recipes.xdl.recipe import Recipe
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import OnRig
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
 
 
-def without_jars(wish: Wish, recipe: Recipe, rig: Rig) -> Wish:
+def without_jars(wish: CompileWish, recipe: Recipe, rig: Rig) -> CompileWish:
     """Leave out the jars of a lab that a person weighs solids from: no rig has them."""
     operations = list(all_operations(expand_recipe(recipe, wish)))
-    solids = {one.fields.get("reagent") for one in operations if one.kind is Kind.ADD_SOLID}
-    solids -= {one.fields.get("reagent") for one in operations if one.kind is not Kind.ADD_SOLID}
+    solids = {one.fields.get("reagent") for one in operations if one.kind is BasicKind.ADD_SOLID}
+    solids -= {
+        one.fields.get("reagent") for one in operations if one.kind is not BasicKind.ADD_SOLID
+    }
     known = {element.key for element in rig.elements}
     left = {n: key for n, key in wish.bind.items() if key in known or n not in solids}
     return replace(wish, bind=left)
@@ -45,7 +47,7 @@ def with_receivers(stated: Declared, plan: Mapping[str, Any], equipment: Equipme
     return msgspec.structs.replace(stated, receivers=known | stated.receivers)
 
 
-def with_fillings(wish: Wish, recipe: Recipe, equipment: Equipment) -> Wish:
+def with_fillings(wish: CompileWish, recipe: Recipe, equipment: Equipment) -> CompileWish:
     """Bind what a recipe calls a cartridge by its filling to the only cartridge that has it."""
     operations = all_operations(expand_recipe(recipe, wish))
     names = {"through", "lower_through", "upper_through"}

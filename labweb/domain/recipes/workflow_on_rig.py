@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.recipes.agreement.check import check_same
 from labweb.domain.recipes.agreement.weaving import weave_rinses
+from labweb.domain.recipes.compile_recipe_file import plan_recipe, workflow_of
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_on_rig import plan_recipe, workflow_of
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from labweb.domain.recipes.rig_choices import (
     on_rig,
     with_fillings,
     with_receivers,
     without_jars,
 )
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.recipe import Recipe
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
 
 
 def workflow_on_rig(
-    recipe: Recipe, rig: Rig, wish: Wish, stated: Declared | None, head: Mapping[str, Any]
+    recipe: Recipe, rig: Rig, wish: CompileWish, stated: Declared | None, head: Mapping[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the proved plan of a recipe, and the workflow that does the same.
 
@@ -42,7 +42,7 @@ def workflow_on_rig(
 
 
 def document_of(
-    recipe: Recipe, rig: Rig, wish: Wish, stated: Declared | None, plan: Mapping[str, Any]
+    recipe: Recipe, rig: Rig, wish: CompileWish, stated: Declared | None, plan: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the workflow that does what a proved plan of a recipe does.
 

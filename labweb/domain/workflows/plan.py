@@ -8,13 +8,13 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.calibration.model import Correction
-from labweb.domain.crutd.conditions import Condition
+from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd.operations import Operation
+from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.resources.contents import Phase
 
 
-class Choice(msgspec.Struct, frozen=True, kw_only=True):
+class CapableDevice(msgspec.Struct, frozen=True, kw_only=True):
     """One device that may do a job which asks for a role, and what the job is there."""
 
     device_id: UUID
@@ -28,7 +28,7 @@ class Choice(msgspec.Struct, frozen=True, kw_only=True):
     corrections: tuple[Correction, ...] = ()
 
 
-class Statement(msgspec.Struct, frozen=True, kw_only=True):
+class LotStatement(msgspec.Struct, frozen=True, kw_only=True):
     """What of each lot in a vessel a person states during the run."""
 
     field: str
@@ -80,7 +80,7 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
     corrections: tuple[Correction, ...] = ()
     """Arguments that a calibration has changed, as asked and as sent."""
 
-    choices: tuple[Choice, ...] | msgspec.UnsetType = msgspec.UNSET
+    choices: tuple[CapableDevice, ...] | msgspec.UnsetType = msgspec.UNSET
     """Devices of which the first that is free does it, that above before all; unset: that one."""
 
     meets: int | msgspec.UnsetType = msgspec.UNSET
@@ -90,7 +90,7 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
     asks: str | msgspec.UnsetType = msgspec.UNSET
     """What a person has to confirm before it is sent to a host; unset: nothing."""
 
-    states: Statement | msgspec.UnsetType = msgspec.UNSET
+    states: LotStatement | msgspec.UnsetType = msgspec.UNSET
     """What a person states in its place: all that is left of the run is planned again with it,
     and this job is never sent; unset: nothing."""
 
@@ -99,7 +99,7 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
         """Say whether it is the second of two jobs that begin at the same moment."""
         return isinstance(self.meets, int) and self.meets < self.index
 
-    def ways(self) -> tuple[PlannedJob | Choice, ...]:
+    def ways(self) -> tuple[PlannedJob | CapableDevice, ...]:
         """Return the job as each device that may do it would do it."""
         return self.choices or (self,)
 

@@ -15,9 +15,9 @@ from django.utils.html import format_html
 from django.views.decorators.http import require_http_methods
 
 from labweb.common.admin import ReadOnly
-from labweb.domain.enrollment.join import LONGEST_TOKEN_S, USUAL_TOKEN_S
+from labweb.domain.enrollment.host_join import LONGEST_TOKEN_S, USUAL_TOKEN_S
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotFoundError
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of
 from labweb.enrollment.admin.reviewed import Reviewed

@@ -10,9 +10,9 @@ from django.db.models import QuerySet
 
 from labweb.common import authority
 from labweb.common.clock import now
-from labweb.domain.enrollment.claims import is_same_everywhere
-from labweb.domain.enrollment.join import code_of
-from labweb.domain.enrollment.sighting import FORGOTTEN_AFTER_S
+from labweb.domain.enrollment.announcement_trust import is_same_everywhere
+from labweb.domain.enrollment.device_announcements import FORGOTTEN_AFTER_S
+from labweb.domain.enrollment.host_join import code_of
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device

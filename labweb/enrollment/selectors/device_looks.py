@@ -7,9 +7,9 @@ from datetime import timedelta
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.enrollment.look import GIVEN_UP_S, Check, judge_look
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.messages import LookTold
+from labweb.domain.enrollment.device_look import GIVEN_UP_S, LookCheck, judge_look
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.messages.device_looks import LookTold
 from labweb.enrollment.models import Device, Look
 
 
@@ -36,7 +36,7 @@ def told_of(row: Look) -> LookTold | None:
     return msgspec.convert(row.told, LookTold) if row.told else None
 
 
-def checks_of(row: Look) -> list[Check]:
+def checks_of(row: Look) -> list[LookCheck]:
     """Return what a look has proved, each with its verdict; nothing while it is under way."""
     told = told_of(row)
     if told is None:

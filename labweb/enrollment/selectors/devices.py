@@ -9,11 +9,11 @@ import msgspec
 from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.enrollment.admission import admitted_spec
-from labweb.domain.enrollment.device import Device as DeviceData
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.admitted_device import AdmittedDevice as DeviceData
+from labweb.domain.enrollment.admitted_interface import admitted_spec
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import NotFoundError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device
 from labweb.enrollment.models import DriverVersion as DriverVersion

@@ -8,8 +8,8 @@ from django.db.models import QuerySet, UUIDField
 
 from labweb.common.prepared import Given, Prepared
 from labweb.domain.errors import NotFoundError
-from labweb.domain.messages import StopLab
-from labweb.domain.runs.session import SessionState
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device
 from labweb.enrollment.models import DriverVersion as DriverVersion
@@ -71,14 +71,14 @@ def find_host(host_id: UUID) -> EdgeHost | None:
     return EdgeHost.objects.filter(pk=host_id).select_related("lab").first()
 
 
-def open_stop(host_id: UUID) -> StopLab | None:
+def open_stop(host_id: UUID) -> StopLabFrame | None:
     """Return the stop of its lab that a host has not acknowledged, or None."""
     host = find_host(host_id)
     if host is None or not host.lab.is_stopped or host.lab.stop_id is None:
         return None
     if host.stop_acknowledged == host.lab.stop_id:
         return None
-    return StopLab(stop_id=host.lab.stop_id, issued_by=str(host.lab.stopped_by_id))
+    return StopLabFrame(stop_id=host.lab.stop_id, issued_by=str(host.lab.stopped_by_id))
 
 
 def host_for_update(host_id: UUID) -> EdgeHost:

@@ -10,7 +10,7 @@ from django.db.models import QuerySet
 
 from labweb.common import authority
 from labweb.common.clock import now
-from labweb.domain.enrollment.join import WAITS_FOR_S, code_of
+from labweb.domain.enrollment.host_join import WAITS_FOR_S, code_of
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device

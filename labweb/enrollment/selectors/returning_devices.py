@@ -6,14 +6,14 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.enrollment.returning import (
-    Admitted,
+from labweb.domain.enrollment.device_review import KeptReview
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.enrollment.returning_device import (
     Difference,
+    KnownDevice,
     compare_capabilities,
     compare_identity,
 )
-from labweb.domain.enrollment.reviewing import KeptReview
-from labweb.domain.enrollment.spec import DriverSpec
 from labweb.enrollment.models import Candidate, Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
 
@@ -37,10 +37,10 @@ def places_of(device: Device) -> dict[str, str]:
     }
 
 
-def present_of(device: Device) -> Admitted:
+def present_of(device: Device) -> KnownDevice:
     """Return what a device is, as far as anybody knows."""
     seen = taken_from(device)
-    return Admitted(
+    return KnownDevice(
         driver_digest=device.driver.digest,
         transport=device.transport,
         host=device.host.key,
@@ -69,7 +69,7 @@ def changes_since_admission(device: Device) -> list[Difference] | None:
     """List what is not as it was when a person admitted it last; None: nobody knows."""
     if not device.admitted_as:
         return None
-    before, after = msgspec.convert(device.admitted_as, Admitted), present_of(device)
+    before, after = msgspec.convert(device.admitted_as, KnownDevice), present_of(device)
     found = compare_identity(before, after)
     if before.driver_digest != after.driver_digest:
         known = DriverVersion.objects.filter(digest=before.driver_digest).first()

@@ -9,7 +9,7 @@ from django.db.models import UUIDField
 
 from labweb.accounts.selectors import User
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.enrollment.selectors.device_retirement import present_devices

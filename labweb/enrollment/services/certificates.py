@@ -10,7 +10,7 @@ from labweb.accounts import services as account_services
 from labweb.common import authority
 from labweb.common.clock import now
 from labweb.domain.errors import EnrollmentError
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import selectors
 from labweb.enrollment.models import EdgeHost, HostCertificate
 

@@ -13,10 +13,10 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.admission import Admission, check_admission
-from labweb.domain.enrollment.reviewing import KeptReview, check_kept
-from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
+from labweb.domain.enrollment.admitted_interface import Admission, check_admission
+from labweb.domain.enrollment.device_review import KeptReview, check_kept
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion

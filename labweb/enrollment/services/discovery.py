@@ -16,10 +16,10 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import new_id, now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.join import LONGEST_NAME, is_code, is_name, key_of_name
-from labweb.domain.enrollment.spec import DriverSpec, check_config
-from labweb.domain.enrollment.wording import is_text, refuse_no_reason
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import is_text, refuse_no_reason
+from labweb.domain.enrollment.driver_spec import DriverSpec, check_config
+from labweb.domain.enrollment.host_join import LONGEST_NAME, is_code, is_name, key_of_name
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Candidate, Device, DriverVersion

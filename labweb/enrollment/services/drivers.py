@@ -18,15 +18,15 @@ from labweb.accounts.selectors import User
 from labweb.common import feed, signing
 from labweb.common.clock import now
 from labweb.common.lanes import give_back_connection
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.bundle import (
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
+from labweb.domain.enrollment.driver_bundle import (
     MAX_BUNDLE_BYTES,
     PART_BYTES,
     digest_of,
     encode_bundle,
 )
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import (
     ConformanceError,
     DefinitionError,
@@ -36,7 +36,7 @@ from labweb.domain.errors import (
     LockedError,
     StateError,
 )
-from labweb.domain.messages import DriverApproval, DriverPart, Signed
+from labweb.domain.messages.devices_and_drivers import DriverApproval, DriverPart, Signed
 from labweb.enrollment import selectors
 from labweb.enrollment.models import DriverVersion
 from labweb.resources import selectors as resource_selectors

@@ -11,10 +11,10 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
 from labweb.domain.errors import ForbiddenError, StateError
-from labweb.domain.runs.session import (
+from labweb.domain.runs.host_link.host_session import (
     FENCED_CODE,
     SessionState,
     check_fence,

@@ -15,20 +15,14 @@ from labweb.accounts.selectors import User
 from labweb.common import disk, feed, signing
 from labweb.common.clock import new_id, now, tick
 from labweb.common.wake import wake_dispatcher
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.disk import Level
-from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.disk_space import DiskRoomLevel
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
 from labweb.domain.errors import EnrollmentError, StateError
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
-    DeviceConfig,
-    Devices,
-    Hello,
-    Welcome,
-    hello_bytes,
-    version_refusal,
-)
-from labweb.domain.runs.session import (
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, DevicesFrame
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION, version_refusal
+from labweb.domain.messages.session import Hello, Welcome, hello_bytes
+from labweb.domain.runs.host_link.host_session import (
     HostRecord,
     SessionState,
     after_hello,
@@ -236,13 +230,13 @@ def staged_of(row: EdgeHost) -> list[DeviceConfig]:
     return [selectors.config_for_host(device, device.next_driver) for device in rows]
 
 
-def devices_of(host_id: UUID, epoch: int) -> Devices | None:
+def devices_of(host_id: UUID, epoch: int) -> DevicesFrame | None:
     """Return what a host serves and makes ready now; None: there is no such host."""
     row = selectors.find_host(host_id)
     if row is None:
         return None
     devices = row.devices.filter(state=Device.State.ENROLLED).select_related("driver")
-    return Devices(
+    return DevicesFrame(
         epoch=epoch,
         devices=[selectors.config_for_host(device) for device in devices],
         staged=staged_of(row),
@@ -300,7 +294,7 @@ def beat(
     return True
 
 
-def _disk_level(heartbeat: Mapping[str, Any]) -> Level | None:
+def _disk_level(heartbeat: Mapping[str, Any]) -> DiskRoomLevel | None:
     found = selectors.disk_of("", heartbeat)
     return None if found is None else found.level(disk.floors())
 

@@ -15,16 +15,17 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import authority, feed
 from labweb.common.clock import new_id, now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.join import (
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
+from labweb.domain.enrollment.host_join import (
     LONGEST_NAME,
     LONGEST_TOKEN_S,
     SECRET_BYTES,
     USUAL_TOKEN_S,
-    Admitted,
-    Ask,
+    AdmittedHost,
+    JoinAsk,
+    JoinWaiting,
     Token,
-    Waiting,
     check_ask,
     find_known,
     is_code,
@@ -34,10 +35,9 @@ from labweb.domain.enrollment.join import (
     render_token,
     secret_hash,
 )
-from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
-from labweb.domain.messages import Refuse
-from labweb.domain.runs.session import SessionState, readmitted
+from labweb.domain.messages.session import Refuse
+from labweb.domain.runs.host_link.host_session import SessionState, readmitted
 from labweb.enrollment import selectors
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.enrollment.services.certificates import keep_certificate
@@ -128,7 +128,7 @@ def withdraw_token(token_id: UUID, *, actor: User) -> JoinToken:
 
 
 @atomic
-def take_request(ask: Ask, *, address: str = "") -> JoinRequest:
+def take_request(ask: JoinAsk, *, address: str = "") -> JoinRequest:
     """Take in what a machine asks; asked again with the same key it is the same request.
 
     Raises:
@@ -157,7 +157,7 @@ def take_request(ask: Ask, *, address: str = "") -> JoinRequest:
     return _new_request(token, ask, key, address)
 
 
-def _new_request(token: JoinToken, ask: Ask, key: str, address: str) -> JoinRequest:
+def _new_request(token: JoinToken, ask: JoinAsk, key: str, address: str) -> JoinRequest:
     token.used_at = now()
     token.save(update_fields=["used_at"])
     name = token.name or ask.name
@@ -200,7 +200,7 @@ def _suspend(host_id: UUID, request: JoinRequest) -> None:
     on_commit(partial(feed.publish, "hosts", {"host_id": str(host.id)}))
 
 
-def answer_to(request: JoinRequest) -> Waiting | Admitted | Refuse:
+def answer_to(request: JoinRequest) -> JoinWaiting | AdmittedHost | Refuse:
     """Return what the machine is told."""
     if request.state == JoinRequest.State.REJECTED:
         text = f"an admin rejected this machine: {request.reason}"
@@ -209,13 +209,15 @@ def answer_to(request: JoinRequest) -> Waiting | Admitted | Refuse:
         if selectors.is_stale(request):
             text = "nobody answered in time: ask again with another token"
             return Refuse(code="join.expired", message=text)
-        return Waiting(code=selectors.code_of_request(request))
+        return JoinWaiting(code=selectors.code_of_request(request))
     certificate = HostCertificate.objects.filter(
         host=request.host_id, public_key=request.public_key, ended_at__isnull=True
     ).first()
     if certificate is None or request.host is None:
         return Refuse(code="host.revoked", message="this host's key was revoked")
-    return Admitted(host_id=request.host.id, name=request.host.name, certificate=certificate.pem)
+    return AdmittedHost(
+        host_id=request.host.id, name=request.host.name, certificate=certificate.pem
+    )
 
 
 def admit_request(request_id: UUID, *, typed: str, reason: str, actor: User) -> EdgeHost:

@@ -12,10 +12,11 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed, signing
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.bundle import PART_BYTES, encode_bundle
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.driver_bundle import PART_BYTES, encode_bundle
 from labweb.domain.errors import StateError
-from labweb.domain.messages import LookOrder, LookPart, LookTold, Signed
+from labweb.domain.messages.device_looks import LookOrder, LookPart, LookTold
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, Look
 from labweb.enrollment.services.link import tell_host

@@ -23,12 +23,12 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.replacement import Waiting, check_replacement
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admission_reason import refuse_no_reason
+from labweb.domain.enrollment.driver_replacement import PlannedJobAhead, check_replacement
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.errors import Finding, PreconditionError, StateError
-from labweb.domain.graph.refit import decision_of, find_changes, list_changes
+from labweb.domain.graph.device_parts_changes import decision_of, find_changes, list_changes
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost
 from labweb.enrollment.services.link import tell_host
@@ -53,7 +53,7 @@ def want_driver(
     *,
     actor: User,
     reason: str,
-    waiting: Sequence[Waiting],
+    waiting: Sequence[PlannedJobAhead],
     decided: Decided | None = None,
 ) -> Device:
     """Say which version of its driver a device shall have; an earlier one rolls back.
@@ -132,7 +132,7 @@ def parts_of_version(device: Device, version: DriverVersion) -> tuple[str, list[
 
 
 def _findings(
-    device: Device, version: DriverVersion, waiting: Sequence[Waiting], decided: str
+    device: Device, version: DriverVersion, waiting: Sequence[PlannedJobAhead], decided: str
 ) -> list[Finding]:
     old, new = selectors.spec_of(device), msgspec.convert(version.spec, DriverSpec)
     decision, changes = parts_of_version(device, version)
@@ -216,7 +216,7 @@ Refitting = Callable[[Device, DriverVersion], Sequence[Finding]]
 """Gives a device the parts of a version, or nothing of it and lists what speaks against it."""
 
 
-def switch_driver(device: Device, waiting: Sequence[Waiting], refit: Refitting) -> bool:
+def switch_driver(device: Device, waiting: Sequence[PlannedJobAhead], refit: Refitting) -> bool:
     """Let the next version take over on a device that is idle; False: there is none ready.
 
     The caller has locked the host and seen that nothing acts. Should runs that began since

@@ -15,16 +15,20 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts import services as account_services
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.enrollment.claims import heard_alone_since, host_of, is_its_place, is_key_changed
-from labweb.domain.enrollment.sighting import (
+from labweb.domain.enrollment.announcement_trust import (
+    heard_alone_since,
+    host_of,
+    is_its_place,
+    is_key_changed,
+)
+from labweb.domain.enrollment.device_announcements import (
     MAKES_ROOM_AFTER_S,
     MOST_OF_ONE_PLACE,
     MOST_OPEN,
     is_sane,
     mark_of,
 )
-from labweb.domain.messages import Sighting
-from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
+from labweb.domain.messages.certificates_and_sightings import MOST_SIGHTINGS_PER_FRAME, Sighting
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Candidate, Device, EdgeHost
 from labweb.enrollment.services.link import tell_host

@@ -7,7 +7,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.common.prepared import Question, Written, prepared_cursor, together
-from labweb.domain.runs.holding import ROOMY
+from labweb.domain.runs.exclusive_use.run_holds import ROOMY
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab
 from labweb.resources.models import Lot as Lot

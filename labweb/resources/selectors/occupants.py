@@ -7,7 +7,7 @@ from uuid import UUID
 
 from django.db.models import QuerySet
 
-from labweb.domain.resources.places import Place, Thing, is_bounded, sites_of
+from labweb.domain.resources.placement import Place, PlacedThing, is_bounded, sites_of
 from labweb.resources.models import Lab, Resource
 
 
@@ -28,14 +28,14 @@ def places_of_kinds(lab: Lab, kinds: Collection[str]) -> list[Place]:
 def _with_what_stands_there(found: QuerySet[Resource]) -> dict[UUID, Place]:
     rows = list(found)
     ids = [row.pk for row in rows if is_bounded(row.kind)]
-    things: dict[UUID, list[Thing]] = {}
+    things: dict[UUID, list[PlacedThing]] = {}
     below = Resource.objects.filter(parent_id__in=ids, is_archived=False)
     for one in below.order_by("position", "key"):
         if one.parent_id is not None:
-            things.setdefault(one.parent_id, []).append(Thing(one.id, one.name, one.kind))
+            things.setdefault(one.parent_id, []).append(PlacedThing(one.id, one.name, one.kind))
     return {
         row.id: Place(
-            thing=Thing(row.id, row.name, row.kind),
+            thing=PlacedThing(row.id, row.name, row.kind),
             there=tuple(things.get(row.id, ())) if is_bounded(row.kind) else (),
             sites_count=sites_of(row.config),
         )

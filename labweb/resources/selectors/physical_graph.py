@@ -10,9 +10,9 @@ from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.common.prepared import Given, Prepared
 from labweb.domain.crutd.operations import Refit
-from labweb.domain.graph.attached import Attachment, find_attachments
-from labweb.domain.graph.topology import Connection as ConnectionData
-from labweb.domain.graph.topology import Medium, PhysicalGraph, PortRef
+from labweb.domain.graph.attachments import Attachment, find_attachments
+from labweb.domain.graph.ports_and_connections import Connection as ConnectionData
+from labweb.domain.graph.ports_and_connections import Medium, PhysicalGraph, PortRef
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab
 from labweb.resources.models import Lot as Lot

@@ -9,10 +9,10 @@ from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.common.prepared import Given, Prepared
 from labweb.domain.errors import NotFoundError
-from labweb.domain.resources.kinds import Nature
-from labweb.domain.resources.node import Resource as ResourceData
 from labweb.domain.resources.pose import parse_pose
-from labweb.domain.resources.tree import Tree
+from labweb.domain.resources.resource import Resource as ResourceData
+from labweb.domain.resources.resource_kinds import Nature
+from labweb.domain.resources.resource_tree import Tree
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab
 from labweb.resources.models import Lot as Lot

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab
 from labweb.resources.models import Lot as Lot

@@ -9,12 +9,12 @@ from uuid import UUID
 
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.render import with_code
-from labweb.domain.enrollment.admission import SHOWS_ITSELF, admitted_spec, shows_itself
-from labweb.domain.enrollment.guards import guards_of
-from labweb.domain.enrollment.returning import Difference
-from labweb.domain.enrollment.reviewing import KeptReview
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, check_config
-from labweb.domain.workflows.passes.roles import READ_AFTER, READ_BEFORE
+from labweb.domain.enrollment.action_guards import guards_of
+from labweb.domain.enrollment.admitted_interface import SHOWS_ITSELF, admitted_spec, shows_itself
+from labweb.domain.enrollment.device_review import KeptReview
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, check_config
+from labweb.domain.enrollment.returning_device import Difference
+from labweb.domain.workflows.passes.role_requirements import READ_AFTER, READ_BEFORE
 from labweb.enrollment import selectors
 from labweb.enrollment.selectors import Candidate, Device
 from labweb.resources import selectors as resource_selectors

@@ -10,10 +10,10 @@ from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.template.response import TemplateResponse
 
 from labweb.common.uploads import check_whole
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.admission import SHOWS_ITSELF, Admission
-from labweb.domain.enrollment.reviewing import KeptReview
-from labweb.domain.enrollment.spec import ParameterSpec
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admitted_interface import SHOWS_ITSELF, Admission
+from labweb.domain.enrollment.device_review import KeptReview
+from labweb.domain.enrollment.driver_spec import ParameterSpec
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotFoundError
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of

@@ -9,11 +9,11 @@ from uuid import UUID
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, NamedRef
-from labweb.domain.calibration.judge import LevelResult
-from labweb.domain.calibration.model import Quantity, Standing
-from labweb.domain.calibration.order import Reference
+from labweb.domain.calibration.calibration_order import Reference
+from labweb.domain.calibration.calibration_result import LevelResult
+from labweb.domain.calibration.correction import CalibrationQuantity, CalibrationStanding
 from labweb.domain.errors import Finding
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 
 CalibrationState = Literal["measuring", "failed", "awaiting", "accepted", "rejected", "withdrawn"]
 """How far a calibration has come."""
@@ -56,7 +56,7 @@ class CalibrationPoint(ApiAnswer):
 class CalibrationResult(ApiAnswer):
     """What a calibration found: `true = offset + gain × device`."""
 
-    quantity: Quantity
+    quantity: CalibrationQuantity
     gain: float
     offset: float
     gain_expanded: float
@@ -85,10 +85,10 @@ class CalibrationDetail(ApiAnswer):
 
     id: UUID
     device_id: UUID
-    quantity: Quantity
+    quantity: CalibrationQuantity
     number: int
     state: CalibrationState
-    standing: Standing | None
+    standing: CalibrationStanding | None
     """Null: it was never accepted."""
 
     reasons: list[str]
@@ -131,7 +131,7 @@ class StatedAccuracy(ApiAnswer):
 class CalibratedQuantity(ApiAnswer):
     """What can be calibrated of a device, and what was."""
 
-    quantity: Quantity
+    quantity: CalibrationQuantity
     unit: str
     is_relative: bool
     """Its uncertainty is a share of the value; else it is in the unit."""
@@ -159,7 +159,7 @@ class CalibrationChange(ApiAnswer):
     """What a decision changes: the calibration that holds now, and the one that waits."""
 
     device: NamedRef
-    quantity: Quantity
+    quantity: CalibrationQuantity
     unit: str
     is_relative: bool
     becomes: CalibrationDetail

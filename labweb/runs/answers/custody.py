@@ -8,8 +8,8 @@ from uuid import UUID
 from msgspec import field
 
 from labweb.common.answers import ApiAnswer, NamedRef
-from labweb.domain.graph.topology import Medium
-from labweb.domain.runs.custody import CustodyState
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
 
 
 class CustodyMove(ApiAnswer):

@@ -9,8 +9,8 @@ from uuid import UUID
 
 from labweb.common.answers import ApiAnswer, NumberedRef
 from labweb.domain.errors import Finding
-from labweb.domain.runs.job import RunState
-from labweb.domain.runs.recovery import Wait
+from labweb.domain.runs.after_failure.recovery_choices import RunWaitCause
+from labweb.domain.runs.states.job_states import RunState
 from labweb.runs.answers.plans import PlanView
 from labweb.workflows.answers import VersionRow
 
@@ -78,7 +78,7 @@ class LastRunOf(ApiAnswer):
     number: int
     state: RunState
     ended_at: datetime | None
-    waits_for: Wait | None
+    waits_for: RunWaitCause | None
     """What a person has to say before it can go on."""
 
 

@@ -11,9 +11,9 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, KeyedRef
-from labweb.domain.calibration.model import Correction
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.recovery import Choice
+from labweb.domain.calibration.correction import Correction
+from labweb.domain.runs.after_failure.recovery_choices import PersonChoice
+from labweb.domain.runs.states.job_states import JobState
 from labweb.runs.answers.rows import RecoveryName
 
 PassedBy = Literal["skip", "hand", "change"]
@@ -40,7 +40,7 @@ class RecoveryChoice(ApiAnswer):
     consequence: str
 
 
-def recovery_choices(choices: Iterable[Choice]) -> list[RecoveryChoice]:
+def recovery_choices(choices: Iterable[PersonChoice]) -> list[RecoveryChoice]:
     """Say what a person may do, each with its consequence or why it is not offered."""
     return [
         RecoveryChoice(

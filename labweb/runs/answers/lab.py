@@ -6,8 +6,8 @@ from datetime import datetime
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.session import SessionState
+from labweb.domain.graph.lab_file.lab_model import LabMode
+from labweb.domain.runs.host_link.host_session import SessionState
 
 
 class StopHost(ApiAnswer):
@@ -46,7 +46,7 @@ class LabSummary(ApiAnswer):
     id: UUID
     key: str
     name: str
-    mode: Mode
+    mode: LabMode
     time_zone: str
     speed: float
     """How many times as fast as the clock on the wall its instruments are."""

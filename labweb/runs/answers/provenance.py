@@ -7,8 +7,8 @@ from typing import Any
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer, KeyedRef, NamedRef
-from labweb.domain.crutd.provenance.graph import Bond, Kind
-from labweb.domain.runs.job import JobState
+from labweb.domain.crutd.provenance.provenance_graph import Bond, ProvKind
+from labweb.domain.runs.states.job_states import JobState
 
 
 class ProvenanceNode(ApiAnswer):
@@ -17,7 +17,7 @@ class ProvenanceNode(ApiAnswer):
     id: str
     """`sort/identity`; unique in a lab."""
 
-    kind: Kind
+    kind: ProvKind
     type: str
     """`lot`, `state`, `transaction` and the like."""
 

@@ -10,8 +10,8 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.job import RunState
+from labweb.domain.graph.lab_file.lab_model import LabMode
+from labweb.domain.runs.states.job_states import RunState
 
 RecoveryName = Literal["retry", "change", "done_by_hand", "skip"]
 
@@ -95,7 +95,7 @@ class RunRow(ApiAnswer):
     id: UUID
     number: int
     workflow: RunWorkflow
-    mode: Mode
+    mode: LabMode
     state: RunState
     created_by: str
     created_at: datetime

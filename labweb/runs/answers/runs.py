@@ -10,8 +10,8 @@ from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer, NamedRef, NumberedRef
 from labweb.crutd.answers import DoubtEnd
-from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.halt_state import HaltState
+from labweb.domain.runs.after_failure.plan_departures import Departure
+from labweb.domain.runs.halts.halt_progress import HaltState
 from labweb.domain.workflows.plan import Execution
 from labweb.runs.answers.jobs import JobRow
 from labweb.runs.answers.plans import PlanView

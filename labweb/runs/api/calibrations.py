@@ -16,13 +16,23 @@ from labweb.common.answers import NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.calibration.judge import Result
-from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Standing
-from labweb.domain.calibration.order import Order, PhOrder, TemperatureOrder, VolumeOrder
-from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.calibration.calibration_order import (
+    Order,
+    PhOrder,
+    TemperatureOrder,
+    VolumeOrder,
+)
+from labweb.domain.calibration.calibration_result import CalibrationOutcome
+from labweb.domain.calibration.correction import (
+    IS_RELATIVE,
+    SYMBOLS,
+    CalibrationQuantity,
+    CalibrationStanding,
+)
+from labweb.domain.enrollment.driver_spec import DriverSpec, ParameterSpec
 from labweb.domain.errors import Finding, NotFoundError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
@@ -41,7 +51,7 @@ from labweb.runs.answers.calibrations import (
 )
 from labweb.runs.models import Calibration
 
-_MEASURED = (Quantity.VOLUME, Quantity.PH, Quantity.TEMPERATURE)
+_MEASURED = (CalibrationQuantity.VOLUME, CalibrationQuantity.PH, CalibrationQuantity.TEMPERATURE)
 """Quantities that a workflow measures."""
 
 
@@ -160,7 +170,7 @@ def _find(calibration_id: UUID, user: User) -> Calibration:
 
 def result_of(row: Calibration, user: User) -> CalibrationChange:
     """Say a result as the queue shows it: what it was before, and what it becomes."""
-    quantity = Quantity(row.quantity)
+    quantity = CalibrationQuantity(row.quantity)
     before = selectors.accepted_of([row.device]).get(row.device_id, [])
     was = next((one for one in before if one.quantity == quantity and one.pk != row.pk), None)
     if was is not None:
@@ -206,7 +216,10 @@ def _marked(spec: DriverSpec) -> Iterator[ParameterSpec]:
     for action in spec.actions:
         yield from (one for one in action.parameters if one.accuracy is not None)
     for status in spec.statuses:
-        if status.value.accuracy is not None and status.value.quantity != Quantity.TEMPERATURE:
+        if (
+            status.value.accuracy is not None
+            and status.value.quantity != CalibrationQuantity.TEMPERATURE
+        ):
             yield status.value
 
 
@@ -220,21 +233,21 @@ def _stated(parameter: ParameterSpec | None) -> StatedAccuracy | None:
 
 def _found(kept: object) -> CalibrationResult:
     """Say what a calibration found; one that was kept before a field was, has its default."""
-    return CalibrationResult(**msgspec.structs.asdict(msgspec.convert(kept, Result)))
+    return CalibrationResult(**msgspec.structs.asdict(msgspec.convert(kept, CalibrationOutcome)))
 
 
 def calibration_detail(row: Calibration, user: User) -> CalibrationDetail:
     """Say one calibration as a page shows it, with what this person may do."""
     reach = resource_selectors.permissions_of(user)
     may_decide = Permission.DECIDE in reach
-    standing: Standing | None = None
+    standing: CalibrationStanding | None = None
     reasons: tuple[str, ...] = ()
     if row.expires_at is not None:
         standing, reasons = selectors.standing_of(row, row.device, at=now())
     return CalibrationDetail(
         id=row.id,
         device_id=row.device_id,
-        quantity=Quantity(row.quantity),
+        quantity=CalibrationQuantity(row.quantity),
         number=row.number,
         state=msgspec.convert(str(row.state), CalibrationState),
         standing=standing,

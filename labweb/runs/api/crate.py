@@ -10,7 +10,7 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.download import sent
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.api.runs import visible
 from labweb.runs.services.crate import pack_run

@@ -17,12 +17,12 @@ from labweb.common.requests import Nothing, body
 from labweb.crutd.answers import EventRow
 from labweb.crutd.api import Act, HandOperations, OperationCheck, require_act, visible
 from labweb.crutd.selectors import Transaction
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.operations import Disconnect, TransferResource
 from labweb.domain.errors import Finding
-from labweb.domain.graph.attached import that_hold
-from labweb.domain.resources.places import PLACES, Place, check_standing
-from labweb.domain.runs.custody import CustodyState
+from labweb.domain.graph.attachments import that_hold
+from labweb.domain.resources.placement import PLACES, Place, check_standing
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource

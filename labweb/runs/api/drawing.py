@@ -14,12 +14,12 @@ from labweb.accounts.selectors import User, user_of
 from labweb.common.answers import NumberedRef
 from labweb.common.lists import STANDING
 from labweb.common.requests import body
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.steps import STEP_KINDS, sentence
+from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS, sentence
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services

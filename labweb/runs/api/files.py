@@ -21,9 +21,9 @@ from labweb.common.lists import HISTORY
 from labweb.common.requests import Parameter, id_of, identity, whole_number
 from labweb.common.uploads import Bounded, one_file
 from labweb.crutd import api as crutd_api
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.action_files import KEPT_ONLY, MEDIA_TYPES
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, Finding
-from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labweb.common.answers import NamedRef, NumberedRef
-from labweb.domain.runs.halt_state import HaltState
+from labweb.domain.runs.halts.halt_progress import HaltState
 from labweb.runs import selectors
 from labweb.runs.answers.runs import DeviceHaltRow
 from labweb.runs.models import DeviceHalt, Run

@@ -11,7 +11,7 @@ from labweb.accounts.selectors import user_of
 from labweb.common.answers import NumberedRef
 from labweb.crutd import api as crutd_api
 from labweb.crutd.answers import EventList, EventRow, ResourceDetail
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from uuid import UUID
 
-from labweb.domain.runs.holding import Mode
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.exclusive_use.run_holds import UseMode
+from labweb.domain.runs.states.job_states import RunState
 from labweb.runs.answers.rows import RunHoldRow, RunWait
 from labweb.runs.models import Run
 from labweb.runs.selectors.holding import holds_of
 
 _WAITING = {RunState.QUEUED.value, RunState.RUNNING.value}
-_SHARED = {Mode.DRAW.value, Mode.POUR.value}
+_SHARED = {UseMode.DRAW.value, UseMode.POUR.value}
 
 
 def render_wait(run: Run) -> RunWait | None:

@@ -11,7 +11,7 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors

@@ -10,10 +10,10 @@ from uuid import UUID
 import msgspec
 
 from labweb.common.answers import KeyedRef
-from labweb.domain.calibration.model import Correction
-from labweb.domain.runs.context import without_surroundings
-from labweb.domain.runs.halting import is_halt_certain
-from labweb.domain.runs.job import JobState
+from labweb.domain.calibration.correction import Correction
+from labweb.domain.runs.halts.halted_setpoints import is_halt_certain
+from labweb.domain.runs.host_journal.surroundings import without_surroundings
+from labweb.domain.runs.states.job_states import JobState
 from labweb.runs import selectors
 from labweb.runs.answers.jobs import JobAsks, JobRow, JobTransaction, passed_by
 from labweb.runs.api.pace import estimate_s

@@ -14,7 +14,7 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.requests import Nothing, body
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.answers.lab import LabSummary

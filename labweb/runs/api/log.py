@@ -8,7 +8,7 @@ from uuid import UUID
 
 from labweb.crutd.answers import DoubtEnd
 from labweb.crutd.selectors.doubt_resolutions import Resolved
-from labweb.domain.runs.custody import CustodyState
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
 from labweb.runs import selectors
 from labweb.runs.answers.runs import LogLine
 from labweb.runs.models import HostEvent, Job, Run

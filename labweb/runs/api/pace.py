@@ -8,7 +8,7 @@ from typing import TypeVar
 from msgspec.structs import replace
 
 from labweb.common.clock import now
-from labweb.domain.runs.duration import Part, span_s
+from labweb.domain.runs.dispatch.job_duration import JobSpan, span_s
 from labweb.domain.workflows.plan import PlannedStep
 from labweb.runs.answers.plans import PlanJob, PlanView
 from labweb.runs.models import Job
@@ -32,14 +32,14 @@ def left_s(jobs: Iterable[Job]) -> float:
     return span_s(_part(job, max(estimate_s(job) - _spent_s(job, at_s), 0.0)) for job in jobs)
 
 
-def _part(job: Job, takes_s: float) -> Part:
-    return Part(index=job.index, after=job.after, device=job.device_id, takes_s=takes_s)
+def _part(job: Job, takes_s: float) -> JobSpan:
+    return JobSpan(index=job.index, after=job.after, device=job.device_id, takes_s=takes_s)
 
 
 def planned_s(jobs: Iterable[PlanJob]) -> float:
     """Return how long the jobs of a rendered plan take together."""
     return span_s(
-        Part(index=one.index, after=one.after, device=one.device.id, takes_s=one.estimate_s)
+        JobSpan(index=one.index, after=one.after, device=one.device.id, takes_s=one.estimate_s)
         for one in jobs
     )
 

@@ -19,9 +19,9 @@ from labweb.common.requests import Parameter, identity, one_of, seconds, whole_n
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.api import visible as visible_resource
 from labweb.crutd.selectors.lineage import DEEPEST
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.provenance.prov_json import render_prov
-from labweb.domain.crutd.provenance.views import to_json
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.provenance.graph_views import to_json
+from labweb.domain.crutd.provenance.prov_json_write import render_prov
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime
 
-from labweb.domain.runs.doubting import Measured, contradiction
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.after_failure.doubt_by_readings import PlungerMeasured, contradiction
+from labweb.domain.runs.states.job_states import JobState
 from labweb.domain.units import render_volume
 from labweb.runs import selectors
 from labweb.runs.answers.jobs import (
@@ -63,7 +63,7 @@ def render_question(
     )
 
 
-def _measured(measured: Measured, asked_nl: int) -> MeasuredAmount:
+def _measured(measured: PlungerMeasured, asked_nl: int) -> MeasuredAmount:
     moved_nl = measured.moved_nl
     return MeasuredAmount(
         text=measured.text,

@@ -10,9 +10,9 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.answers import NamedRef
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.balance import AccountChange, Yield
-from labweb.domain.crutd.provenance import is_nominal
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.mass_balance import AccountChange, Yield
+from labweb.domain.crutd.provenance.ledger_flows import is_nominal
 from labweb.domain.resources.contents import LotId
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.answers.report import (

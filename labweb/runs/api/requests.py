@@ -5,8 +5,8 @@ from __future__ import annotations
 from labweb.accounts.selectors import User
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.answers import NumberedRef
-from labweb.domain.approvals.policy import check_decision
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.approval_policy import check_decision
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.answers.approvals import ApprovalAsker, ApprovalRow, DecisionMade, request_state
 from labweb.runs.answers.rows import RunWorkflow

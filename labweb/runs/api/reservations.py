@@ -16,9 +16,9 @@ from labweb.common.lists import HISTORY
 from labweb.common.requests import Nothing, body
 from labweb.crutd.api import visible
 from labweb.crutd.selectors import reservations as reserved
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.reserving import LONGEST_REASON, MOST
+from labweb.domain.runs.exclusive_use.reservations import LONGEST_REASON, MOST
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
 from labweb.runs.answers.reservations import (

@@ -21,13 +21,13 @@ from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.answers import EventList
 from labweb.crutd.selectors.doubt_resolutions import resolved_of
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.context import without_surroundings
-from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.job import RunState
+from labweb.domain.graph.lab_file.lab_model import LabMode
+from labweb.domain.runs.after_failure.plan_departures import Departure
+from labweb.domain.runs.host_journal.surroundings import without_surroundings
+from labweb.domain.runs.states.job_states import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services
@@ -137,7 +137,7 @@ def check_own(request: Request, run: Run) -> None:
 
 def scope_on(lab: Lab) -> AccessScope:
     """Return the scope that a token needs to act on the runs of a lab."""
-    return AccessScope.SIMULATE if lab.mode == Mode.SIM else AccessScope.SUBMIT
+    return AccessScope.SIMULATE if lab.mode == LabMode.SIM else AccessScope.SUBMIT
 
 
 class Runs(Endpoint):

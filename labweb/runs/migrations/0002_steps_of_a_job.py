@@ -55,7 +55,7 @@ DROP FUNCTION runs_check_job_step();
 
 
 class Migration(migrations.Migration):
-    """The table of `labweb.domain.runs.job.STEPS` as a trigger."""
+    """The table of `labweb.domain.runs.states.job_states.STEPS` as a trigger."""
 
     dependencies = [("runs", "0001_initial")]
     operations = [migrations.RunSQL(_FORWARD, _BACK)]

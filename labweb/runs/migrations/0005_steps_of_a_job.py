@@ -53,7 +53,7 @@ END $$;
 
 
 class Migration(migrations.Migration):
-    """The table of `labweb.domain.runs.job.STEPS` as a trigger."""
+    """The table of `labweb.domain.runs.states.job_states.STEPS` as a trigger."""
 
     dependencies = [("runs", "0004_batches_and_recovery")]
     operations = [migrations.RunSQL(_FORWARD, migrations.RunSQL.noop)]

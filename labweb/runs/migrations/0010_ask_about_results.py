@@ -7,7 +7,7 @@ from django.db import migrations
 from django.db.backends.base.schema import BaseDatabaseSchemaEditor
 from django.db.migrations.state import StateApps
 
-from labweb.domain.messages import canonical
+from labweb.domain.canonical_json import canonical
 
 
 def ask(apps: StateApps, _editor: BaseDatabaseSchemaEditor) -> None:

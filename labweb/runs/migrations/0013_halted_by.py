@@ -54,7 +54,7 @@ END $$;
 
 
 class Migration(migrations.Migration):
-    """The table of `labweb.domain.runs.job.STEPS` as a trigger."""
+    """The table of `labweb.domain.runs.states.job_states.STEPS` as a trigger."""
 
     dependencies = [("runs", "0012_choices")]
     operations = [

@@ -15,12 +15,12 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
 from labweb.common.prepared import Given, Prepared
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.disk import Level
+from labweb.domain.disk_space import DiskRoomLevel
 from labweb.domain.errors import NotFoundError
-from labweb.domain.graph.lab_file.model import Mode
-from labweb.domain.runs.job import AT_EDGE, JobState, RunState
-from labweb.domain.runs.recovery import Wait
-from labweb.domain.runs.session import SessionState
+from labweb.domain.graph.lab_file.lab_model import LabMode
+from labweb.domain.runs.after_failure.recovery_choices import RunWaitCause
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import AT_EDGE, JobState, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -264,7 +264,7 @@ class LastRun(NamedTuple):
     """The newest run of a workflow."""
 
     run: Run
-    waits_for: Wait | None
+    waits_for: RunWaitCause | None
     """What a person has to say before it can go on."""
 
 
@@ -303,7 +303,7 @@ def lab_summary(lab: Lab) -> LabSummary:
         id=lab.id,
         key=lab.key,
         name=lab.name,
-        mode=Mode(lab.mode),
+        mode=LabMode(lab.mode),
         time_zone=lab.time_zone,
         speed=max((host.pace for host in known), default=1.0),
         stop=_stop(lab, known),
@@ -326,7 +326,7 @@ def lab_summary(lab: Lab) -> LabSummary:
 
 def _short_disks_count(known: list[EdgeHost]) -> int:
     told = [disk.server_disk(), *(one for _, one in enrollment_selectors.disks_of(known))]
-    return sum(one is not None and one.level(disk.floors()) is not Level.OK for one in told)
+    return sum(one is not None and one.level(disk.floors()) is not DiskRoomLevel.OK for one in told)
 
 
 def _stop(lab: Lab, known: list[EdgeHost]) -> LabStop:

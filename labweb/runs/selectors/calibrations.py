@@ -13,13 +13,17 @@ from django.db.models import F, QuerySet, UUIDField
 
 from labweb.common.prepared import Given, IsAnyOf, Prepared
 from labweb.common.render import iso
-from labweb.domain.calibration import model, standing
-from labweb.domain.calibration.judge import Result
-from labweb.domain.calibration.model import Correction, Quantity, Standing
-from labweb.domain.calibration.order import Reference
-from labweb.domain.calibration.sending import check_sending
+from labweb.domain.calibration import calibration_validity, correction
+from labweb.domain.calibration.calibration_order import Reference
+from labweb.domain.calibration.calibration_result import CalibrationOutcome
+from labweb.domain.calibration.correction import (
+    CalibrationQuantity,
+    CalibrationStanding,
+    Correction,
+)
+from labweb.domain.calibration.correction_at_dispatch import check_sending
 from labweb.domain.errors import Finding, NotFoundError, StateError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration, Job
 
@@ -140,11 +144,11 @@ def _of_sending(job: Job, corrections: list[Correction], at: datetime) -> list[F
 
 def standing_of(
     row: Calibration, device: Device, *, at: datetime
-) -> tuple[Standing, tuple[str, ...]]:
+) -> tuple[CalibrationStanding, tuple[str, ...]]:
     """Return whether an accepted calibration still holds of the device, and every reason."""
     if row.expires_at is None:
         raise StateError("only what was accepted holds", code="calibration.not_decided")
-    return standing.standing_of(
+    return calibration_validity.standing_of(
         expires_at=row.expires_at,
         is_withdrawn=row.state == Calibration.State.WITHDRAWN,
         was=row.fingerprint,
@@ -155,10 +159,10 @@ def standing_of(
 
 def calibrations_of(
     devices: Collection[Device], rows: Iterable[Calibration], *, at: datetime
-) -> dict[UUID, tuple[model.Calibration, ...]]:
+) -> dict[UUID, tuple[correction.AcceptedCalibration, ...]]:
     """Return what planning needs to know of the devices' calibrations, which were read so."""
     known = {device.id: device for device in devices}
-    found: dict[UUID, tuple[model.Calibration, ...]] = {}
+    found: dict[UUID, tuple[correction.AcceptedCalibration, ...]] = {}
     for row in rows:
         if row.device_id in known:
             one = _to_domain(row, known[row.device_id], at)
@@ -166,12 +170,12 @@ def calibrations_of(
     return found
 
 
-def _to_domain(row: Calibration, device: Device, at: datetime) -> model.Calibration:
-    result = msgspec.convert(row.result, Result)
+def _to_domain(row: Calibration, device: Device, at: datetime) -> correction.AcceptedCalibration:
+    result = msgspec.convert(row.result, CalibrationOutcome)
     found, reasons = standing_of(row, device, at=at)
-    return model.Calibration(
+    return correction.AcceptedCalibration(
         id=row.id,
-        quantity=Quantity(row.quantity),
+        quantity=CalibrationQuantity(row.quantity),
         number=row.number,
         gain=result.gain,
         offset=result.offset,

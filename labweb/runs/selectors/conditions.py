@@ -8,8 +8,8 @@ from typing import Any
 
 from labweb.common.render import iso
 from labweb.crutd.selectors import provenance as crutd
-from labweb.domain.crutd.provenance.build import reported
-from labweb.domain.crutd.provenance.stays import clipped, stays_at
+from labweb.domain.crutd.provenance.graph_from_record import reported
+from labweb.domain.crutd.provenance.stays_at_places import clipped, stays_at
 from labweb.enrollment.selectors import Device
 from labweb.resources.selectors import Resource
 from labweb.runs.models import Job

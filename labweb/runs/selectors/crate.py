@@ -14,7 +14,7 @@ from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors import lineage
-from labweb.domain.crutd.provenance.build import reported
+from labweb.domain.crutd.provenance.graph_from_record import reported
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Attempt, HostEvent, Job, Run

@@ -9,8 +9,8 @@ from django.db.models import Q, QuerySet
 
 from labweb.domain.crutd.operations import TransferResource
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.custody import next_hands
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.exclusive_use.resource_custody import next_hands
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors

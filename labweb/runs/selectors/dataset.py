@@ -11,9 +11,9 @@ from uuid import UUID
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.transaction_snapshot import Moment, lots_told, moment_after
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.provenance.build import reported
-from labweb.domain.crutd.provenance.facts import JobFact
-from labweb.domain.crutd.provenance.flows import is_nominal
+from labweb.domain.crutd.provenance.graph_from_record import reported
+from labweb.domain.crutd.provenance.ledger_flows import is_nominal
+from labweb.domain.crutd.provenance.recorded_facts import JobFact
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors

@@ -10,9 +10,15 @@ from django.db.models import F
 
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors import Ticket
-from labweb.domain.calibration.model import Correction, Quantity
-from labweb.domain.runs.doubting import DIRECTIONS, PLUNGER, Measured, Plunger, measure
-from labweb.domain.runs.halting import INTERRUPTED, MAY_MOVE
+from labweb.domain.calibration.correction import CalibrationQuantity, Correction
+from labweb.domain.runs.after_failure.doubt_by_readings import (
+    DIRECTIONS,
+    PLUNGER,
+    Plunger,
+    PlungerMeasured,
+    measure,
+)
+from labweb.domain.runs.halts.halted_setpoints import INTERRUPTED, MAY_MOVE
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 
@@ -60,7 +66,7 @@ def contradicted(run: Run, jobs: Iterable[Job]) -> list[Ticket]:
     return list(crutd_selectors.open_tickets(run.lab).filter(pk__in=known))
 
 
-def measured_of(job: Job, attempt: Attempt) -> Measured | None:
+def measured_of(job: Job, attempt: Attempt) -> PlungerMeasured | None:
     """Return what the plunger says of a job that is or was in doubt; None: none moves with it.
 
     What it tells once its device has begun something else says nothing of this job.
@@ -78,7 +84,9 @@ def measured_of(job: Job, attempt: Attempt) -> Measured | None:
             after_ul=after_ul,
             why_no_after=why_not,
             tolerance_ul=tolerance_ul,
-            correction=next((c for c in corrections if c.quantity is Quantity.VOLUME), None),
+            correction=next(
+                (c for c in corrections if c.quantity is CalibrationQuantity.VOLUME), None
+            ),
         )
     )
 

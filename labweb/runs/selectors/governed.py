@@ -9,7 +9,7 @@ from uuid import UUID
 from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.render import iso
-from labweb.domain.crutd.provenance.facts import DecisionFact, DeviceFact, JobFact, RunFact
+from labweb.domain.crutd.provenance.recorded_facts import DecisionFact, DeviceFact, JobFact, RunFact
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, Job, Outbox, Run

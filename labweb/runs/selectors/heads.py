@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from labweb.accounts.selectors import hash_chains as chains
 from labweb.accounts.selectors.hash_chains import HeadsFile
-from labweb.domain.messages import Countersigned
+from labweb.domain.messages.chain_heads import Countersigned
 from labweb.runs.models import HostEvent
 
 

@@ -12,10 +12,18 @@ from labweb.common.prepared import Question, together
 from labweb.crutd.selectors.run_holds import RunHold as RunHold
 from labweb.crutd.selectors.run_holds import holds_of as holds_of
 from labweb.domain.crutd import operations
-from labweb.domain.runs.claims import Claims, Stand, Use, Way, claims_of, needs_of, stand_of
-from labweb.domain.runs.holding import Ask, Mode, Party, Scene
-from labweb.domain.runs.job import JobState, RunState
-from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
+from labweb.domain.runs.exclusive_use.run_claims import (
+    Claims,
+    DeviceWay,
+    JobProgress,
+    Use,
+    claims_of,
+    needs_of,
+    stand_of,
+)
+from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, HoldScene, Party, UseMode
+from labweb.domain.runs.states.job_states import JobState, RunState
+from labweb.domain.workflows.plan import CapableDevice, Plan, PlannedJob
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.selectors.needs import LIVE
@@ -60,8 +68,10 @@ def _use_of(job: PlannedJob) -> Use:
     return Use(index=job.index, step_id=job.step_id, action=job.action, ways=ways)
 
 
-def _way(one: PlannedJob | Choice, locks: Iterable[UUID]) -> Way:
-    return Way(device_id=one.device_id, operation=one.operation, args=one.args, locks=tuple(locks))
+def _way(one: PlannedJob | CapableDevice, locks: Iterable[UUID]) -> DeviceWay:
+    return DeviceWay(
+        device_id=one.device_id, operation=one.operation, args=one.args, locks=tuple(locks)
+    )
 
 
 def claims_of_jobs(run: Run) -> Claims:
@@ -80,9 +90,9 @@ def claims_of_jobs(run: Run) -> Claims:
 
 
 def _use_of_row(job: Job) -> Use:
-    chosen = msgspec.convert(job.choices, tuple[Choice, ...])
+    chosen = msgspec.convert(job.choices, tuple[CapableDevice, ...])
     ways = tuple(_way(one, one.locks) for one in chosen) or (
-        Way(
+        DeviceWay(
             device_id=job.device_id,
             operation=operations.from_json(job.operation),
             args=job.args,
@@ -92,24 +102,24 @@ def _use_of_row(job: Job) -> Use:
     return Use(index=job.index, step_id=job.step_id, action=job.action, ways=ways)
 
 
-def stands_of(run_id: UUID) -> list[Stand]:
+def stands_of(run_id: UUID) -> list[JobProgress]:
     """Return where the jobs of a run stand."""
     rows = Job.objects.filter(run_id=run_id).order_by("index")
     columns = rows.values_list("index", "state", "passed_by", "halted_by")
     return [_stand(*row) for row in columns]
 
 
-def _stand(index: int, state: str, passed_by: str, halted_by: str) -> Stand:
+def _stand(index: int, state: str, passed_by: str, halted_by: str) -> JobProgress:
     return stand_of(index, JobState(state), passed_by, halted_by)
 
 
-def held_by(run_id: UUID) -> dict[UUID, Mode]:
+def held_by(run_id: UUID) -> dict[UUID, UseMode]:
     """Return how a run holds each thing that it holds now."""
     rows = RunHold.objects.filter(run_id=run_id, released_at=None)
-    return {node: Mode(mode) for node, mode in rows.values_list("resource_id", "mode")}
+    return {node: UseMode(mode) for node, mode in rows.values_list("resource_id", "mode")}
 
 
-def scene_of(lab_id: UUID, asked: Collection[UUID]) -> tuple[Scene, dict[UUID, int]]:
+def scene_of(lab_id: UUID, asked: Collection[UUID]) -> tuple[HoldScene, dict[UUID, int]]:
     """Return what decides about a grant, and the numbers of the runs; two exchanges.
 
     Args:
@@ -122,41 +132,43 @@ def scene_of(lab_id: UUID, asked: Collection[UUID]) -> tuple[Scene, dict[UUID, i
         Question(_HELD, [lab_id], tuple),
     )
     runs, jobs, holds = found
-    stands: dict[UUID, list[Stand]] = {}
+    stands: dict[UUID, list[JobProgress]] = {}
     queued: set[UUID] = set()
     for run_id, index, state, passed_by, halted_by in jobs:
         stands.setdefault(run_id, []).append(_stand(index, state, passed_by, halted_by))
         if state == JobState.QUEUED.value:
             queued.add(run_id)
-    held: dict[UUID, dict[UUID, Mode]] = {}
+    held: dict[UUID, dict[UUID, UseMode]] = {}
     for run_id, node, mode in holds:
-        held.setdefault(run_id, {})[node] = Mode(mode)
+        held.setdefault(run_id, {})[node] = UseMode(mode)
     parties: list[Party] = []
-    waiting: list[Ask] = []
+    waiting: list[HoldAsk] = []
     for run_id, number, state, claims, waits, is_paused in runs:
         declared = Claims() if claims is None else msgspec.json.decode(claims, type=Claims)
         parties.append(_party(run_id, declared, stands.get(run_id, []), held.get(run_id, {})))
         if waits is not None and not is_paused and state in _WAITING and run_id in queued:
             waiting.append(ask_in(run_id, number, msgspec.json.decode(waits)))
-    scene = Scene(parties=parties, waiting=waiting)
+    scene = HoldScene(parties=parties, waiting=waiting)
     above = resource_selectors.ancestors(_named(scene).union(asked))
     numbers = {row[0]: row[1] for row in runs}
-    return Scene(parties=parties, waiting=waiting, above=above), numbers
+    return HoldScene(parties=parties, waiting=waiting, above=above), numbers
 
 
-def _party(run_id: UUID, claims: Claims, stands: list[Stand], held: dict[UUID, Mode]) -> Party:
+def _party(
+    run_id: UUID, claims: Claims, stands: list[JobProgress], held: dict[UUID, UseMode]
+) -> Party:
     needs, choices = needs_of(claims, stands, held)
     has_begun = bool(held) or any(one.has_acted for one in stands)
     return Party(id=run_id, has_begun=has_begun, held=held, needs=needs, choices=choices)
 
 
-def ask_in(run_id: UUID, number: int, waits: Mapping[str, Any]) -> Ask:
+def ask_in(run_id: UUID, number: int, waits: Mapping[str, Any]) -> HoldAsk:
     """Return what a run waits for, from its row."""
-    wanted = {UUID(node): Mode(mode) for node, mode in waits["wanted"].items()}
-    return Ask(run_id=run_id, turn=(waits["since"], number), wanted=wanted)
+    wanted = {UUID(node): UseMode(mode) for node, mode in waits["wanted"].items()}
+    return HoldAsk(run_id=run_id, turn=(waits["since"], number), wanted=wanted)
 
 
-def _named(scene: Scene) -> set[UUID]:
+def _named(scene: HoldScene) -> set[UUID]:
     named: set[UUID] = set()
     for party in scene.parties:
         named.update(party.held, party.needs, *(way for ways in party.choices for way in ways))

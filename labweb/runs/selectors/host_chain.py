@@ -5,7 +5,7 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.domain.errors import Finding
-from labweb.domain.messages import EdgeEvent, event_hash
+from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs.models import HostEvent
 

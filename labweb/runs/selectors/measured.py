@@ -10,7 +10,12 @@ from uuid import UUID
 from labweb.common.render import iso
 from labweb.crutd.selectors import provenance as crutd
 from labweb.crutd.selectors.provenance import Window
-from labweb.domain.crutd.provenance.facts import Clue, FileFact, MeasurementFact, ReadingFact
+from labweb.domain.crutd.provenance.recorded_facts import (
+    Clue,
+    FileFact,
+    MeasurementFact,
+    ReadingFact,
+)
 from labweb.resources.selectors import Lab
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.selectors import File, Reading

@@ -8,10 +8,10 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 
 from labweb.accounts.selectors import User
-from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import FINAL, JobState, RunState
-from labweb.domain.runs.locks import conflicts, lock_set
-from labweb.domain.runs.recovery import UNDONE
+from labweb.domain.runs.after_failure.recovery_choices import UNDONE
+from labweb.domain.runs.exclusive_use.action_locks import conflicts, lock_set
+from labweb.domain.runs.halts.halted_setpoints import LET_GO
+from labweb.domain.runs.states.job_states import FINAL, JobState, RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.selectors.light import with_runs

@@ -10,19 +10,19 @@ from uuid import UUID
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors import provenance as crutd
 from labweb.crutd.selectors.provenance import FOREVER, Window
-from labweb.domain.crutd.provenance.build import build_graph
-from labweb.domain.crutd.provenance.facts import (
+from labweb.domain.crutd.provenance.graph_from_record import build_graph
+from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow, is_nominal, is_reaction
+from labweb.domain.crutd.provenance.lineage import Limits, Trace, trace_flows
+from labweb.domain.crutd.provenance.provenance_graph import ProvGraph
+from labweb.domain.crutd.provenance.recorded_facts import (
     DecisionFact,
     FileFact,
     JobFact,
-    Record,
+    RecordedFacts,
     RunFact,
     TransactionFact,
 )
-from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
-from labweb.domain.crutd.provenance.graph import Graph
-from labweb.domain.crutd.provenance.lineage import Limits, Trace, trace_flows
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot, Resource
 from labweb.runs.models import Attempt, Job, Run
@@ -38,8 +38,8 @@ class Provenance:
     """A graph, and what is not in it."""
 
     lab: Lab
-    record: Record
-    graph: Graph
+    record: RecordedFacts
+    graph: ProvGraph
     beyond: int
     """Flows just behind the depth or the size."""
 
@@ -223,8 +223,8 @@ def _named_jobs(found: Measured, known: Collection[UUID]) -> dict[UUID, Job]:
     return {job.pk: job for job in Job.objects.filter(pk__in=ids)} if ids else {}
 
 
-def _joined(traces: Iterable[Trace]) -> list[Flow]:
-    found: dict[tuple[str, str, str], Flow] = {}
+def _joined(traces: Iterable[Trace]) -> list[LedgerFlow]:
+    found: dict[tuple[str, str, str], LedgerFlow] = {}
     for flow in (flow for trace in traces for flow in trace.flows):
         seen = found.get(flow.key, flow)
         found[flow.key] = replace(flow, lots={**seen.lots, **flow.lots})
@@ -286,11 +286,11 @@ def _beside(run_ids: Collection[UUID], windows: Collection[Window]) -> tuple[set
 
 def _record(
     seeds: _Seeds,
-    flows: Sequence[Flow],
+    flows: Sequence[LedgerFlow],
     transactions: Sequence[TransactionFact],
     rows: Sequence[Job],
     found: Measured,
-) -> Record:
+) -> RecordedFacts:
     jobs = governed.job_facts(rows)
     run_ids = {job.run_id for job in jobs} | set(seeds.runs)
     runs = governed.run_facts(run_ids)
@@ -301,7 +301,7 @@ def _record(
     subjects = {UUID(fact.resource_id) for fact in found.facts if fact.resource_id}
     named = {*_resources(flows, transactions), *nodes, *map(UUID, seeds.resources), *subjects}
     lots = {lot for flow in flows for lot in flow.lots} | set(seeds.lots)
-    return Record(
+    return RecordedFacts(
         root=seeds.root,
         flows=flows,
         transactions=transactions,
@@ -321,7 +321,9 @@ def _record(
     )
 
 
-def _resources(flows: Iterable[Flow], transactions: Iterable[TransactionFact]) -> Iterator[UUID]:
+def _resources(
+    flows: Iterable[LedgerFlow], transactions: Iterable[TransactionFact]
+) -> Iterator[UUID]:
     for flow in flows:
         yield from (UUID(end) for end in (flow.source, flow.target) if not is_nominal(end))
     for fact in transactions:

@@ -13,11 +13,19 @@ from django.db.models import Q
 from labweb.accounts.selectors import User
 from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
-from labweb.domain.runs import doubting, recovery
-from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import FINAL, JobState
-from labweb.domain.runs.recovery import UNDONE, Choice, Ended, Later, Partner, Wait
+from labweb.domain.runs.after_failure import doubt_by_readings
+from labweb.domain.runs.after_failure import recovery_choices as recovery
+from labweb.domain.runs.after_failure.plan_departures import Departure
+from labweb.domain.runs.after_failure.recovery_choices import (
+    UNDONE,
+    Ended,
+    LaterJob,
+    Partner,
+    PersonChoice,
+    RunWaitCause,
+)
+from labweb.domain.runs.halts.halted_setpoints import LET_GO
+from labweb.domain.runs.states.job_states import FINAL, JobState
 from labweb.runs.answers.jobs import RecoveryCard
 from labweb.runs.answers.jobs import recovery_choices as told_choices
 from labweb.runs.models import Attempt, Job, Run
@@ -105,17 +113,17 @@ def is_unanswered(job: Job) -> bool:
     return _waits_for(job) is not None
 
 
-def _waits_for(job: Job) -> Wait | None:
+def _waits_for(job: Job) -> RunWaitCause | None:
     state = JobState(job.state)
     return recovery.waits_for(state, is_passed=bool(job.passed_by), halted_by=job.halted_by)
 
 
-def waits_of(run_ids: Iterable[UUID]) -> dict[UUID, Wait]:
+def waits_of(run_ids: Iterable[UUID]) -> dict[UUID, RunWaitCause]:
     """Return what runs wait for, of those that wait for a person; one query."""
     waiting = Q(state=JobState.IN_DOUBT.value) | Q(state__in=[one.value for one in UNDONE])
     halted = ~Q(halted_by__in=["", LET_GO])
     rows = Job.objects.filter(waiting | halted, run_id__in=list(run_ids))
-    found: dict[UUID, list[Wait | None]] = {}
+    found: dict[UUID, list[RunWaitCause | None]] = {}
     for job in rows.only("run_id", "state", "passed_by", "halted_by"):
         found.setdefault(job.run_id, []).append(_waits_for(job))
     waits = {run_id: recovery.run_waits_for(jobs) for run_id, jobs in found.items()}
@@ -139,12 +147,12 @@ def has_paused(reasons: Iterable[Mapping[str, Any]], user: User) -> bool:
     return any(one["kind"] == "user" for one in mine)
 
 
-def later_jobs(job: Job) -> list[Later]:
+def later_jobs(job: Job) -> list[LaterJob]:
     """Return the jobs of the run that come after a job in its plan, or go with it."""
     behind = Q(index__gt=job.index) | Q(meets=job.index)
     rows = Job.objects.filter(behind, run_id=job.run_id).order_by("index")
     return [
-        Later(
+        LaterJob(
             index=row.index,
             step_id=row.step_id,
             state=JobState(row.state),
@@ -163,12 +171,12 @@ def is_step_untouched(job: Job) -> bool:
     return not tried.filter(moved | Q(job__evidence__is_discarded=True)).exists()
 
 
-def recovery_choices(job: Job) -> tuple[Choice, ...]:
+def recovery_choices(job: Job) -> tuple[PersonChoice, ...]:
     """List what a person may do about a job, each with its consequence."""
     return recovery.choices_for(ended_job(job), is_step_untouched=is_step_untouched(job))
 
 
-def choices_after(job: Job, answer: str) -> tuple[Choice, ...]:
+def choices_after(job: Job, answer: str) -> tuple[PersonChoice, ...]:
     """List what may follow an answer that leaves a job in doubt undone."""
     is_amount = job.operation.get("op") in _AMOUNTS
     ended = replace(
@@ -177,7 +185,7 @@ def choices_after(job: Job, answer: str) -> tuple[Choice, ...]:
         has_moved=answer == "partly",
         is_unknown=is_amount and (answer == "discard" or is_discarded(job)),
     )
-    return doubting.choices_after(ended, is_step_untouched=is_step_untouched(job))
+    return doubt_by_readings.choices_after(ended, is_step_untouched=is_step_untouched(job))
 
 
 def recovery_of(job: Job) -> RecoveryCard | None:

@@ -8,9 +8,9 @@ from uuid import UUID
 
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors.doubt_resolutions import Resolved, resolved_of
-from labweb.domain.crutd.balance import Balance, LotFacts, Yield, find_yields, mass_balance
-from labweb.domain.crutd.conditions import Verification
 from labweb.domain.crutd.ledger import Amount
+from labweb.domain.crutd.mass_balance import LotFacts, MassBalance, Yield, find_yields, mass_balance
+from labweb.domain.crutd.pre_and_postconditions import Verification
 from labweb.domain.resources.contents import LotId
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lot
@@ -23,7 +23,7 @@ from labweb.telemetry.selectors import Reading
 class Report:
     """A run's matter."""
 
-    balance: Balance
+    balance: MassBalance
     yields: tuple[Yield, ...]
     lots: dict[LotId, Lot]
     """Every lot that moved."""

@@ -13,13 +13,13 @@ from django.db.models import DateTimeField, Q, QuerySet, UUIDField
 
 from labweb.common import disk
 from labweb.common.prepared import Given, Prepared, Question, together
-from labweb.domain.disk import Disk, Level
+from labweb.domain.disk_space import DiskRoomLevel, DiskSpace
 from labweb.domain.errors import LabError, NotFoundError
-from labweb.domain.runs import scheduler
-from labweb.domain.runs.halt_state import UNDECIDED, HaltState
-from labweb.domain.runs.job import UNSTARTED, JobState, RunState
-from labweb.domain.runs.recovery import is_taken_away
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.after_failure.recovery_choices import is_taken_away
+from labweb.domain.runs.dispatch import job_scheduler
+from labweb.domain.runs.dispatch.job_scheduler import JobView
+from labweb.domain.runs.halts.halt_progress import UNDECIDED, HaltState
+from labweb.domain.runs.states.job_states import UNSTARTED, JobState, RunState
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
@@ -146,7 +146,7 @@ def asking(run: Run) -> frozenset[UUID]:
     """Return the jobs of a run that wait for nothing but a person who confirms them."""
     if run.pause_reasons or run.is_given_up:
         return frozenset()
-    return scheduler.asking(views(run.id))
+    return job_scheduler.asking(views(run.id))
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +187,8 @@ def to_schedule() -> ToSchedule:
     return found
 
 
-def _is_full(one: Disk) -> bool:
-    return one.level(disk.floors()) is Level.FULL
+def _is_full(one: DiskSpace) -> bool:
+    return one.level(disk.floors()) is DiskRoomLevel.FULL
 
 
 _WITH_WORK = {

@@ -6,16 +6,16 @@ from collections.abc import Collection
 from uuid import UUID
 
 from labweb.accounts.selectors import User
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.provenance.facts import MeasurementFact
-from labweb.domain.crutd.provenance.graph import Graph, redacted
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.provenance.provenance_graph import ProvGraph, redacted
+from labweb.domain.crutd.provenance.recorded_facts import MeasurementFact
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.selectors import visible_runs
 from labweb.runs.selectors.provenance import Provenance
 
 
-def seen_by(found: Provenance, seen: Collection[UUID]) -> Graph:
+def seen_by(found: Provenance, seen: Collection[UUID]) -> ProvGraph:
     """Return the graph as somebody may know it: what is outside keeps its form, not its words.
 
     Args:
@@ -64,7 +64,7 @@ def shown_runs(ids: Collection[str], user: User) -> set[str]:
     return {str(pk) for pk in rows.values_list("pk", flat=True)}
 
 
-def _only_with(graph: Graph, hidden: Collection[str]) -> set[str]:
+def _only_with(graph: ProvGraph, hidden: Collection[str]) -> set[str]:
     """Return the people and drivers of whom nothing but what is hidden tells."""
     told: dict[str, bool] = {}
     for relation in graph.relations:

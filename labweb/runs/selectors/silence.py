@@ -10,9 +10,9 @@ from uuid import UUID
 from django.db.models import Max, QuerySet
 
 from labweb.common.clock import now
-from labweb.domain.enrollment.kept import kept_by, unread_since_s
-from labweb.domain.runs.halting import Done, still_standing
-from labweb.domain.runs.job import JobState
+from labweb.domain.enrollment.setpoint_readback import kept_by, unread_since_s
+from labweb.domain.runs.halts.halted_setpoints import Done, still_standing
+from labweb.domain.runs.states.job_states import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Job, Run

@@ -17,10 +17,11 @@ from labweb.common import feed
 from labweb.common.clock import new_id, now
 from labweb.common.render import iso
 from labweb.common.wake import wake_dispatcher
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.messages import EdgeEvent, Halt
-from labweb.domain.runs.halt_state import (
+from labweb.domain.messages.commands import Halt
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.halts.halt_progress import (
     OPEN_HALTS,
     UNDECIDED,
     HaltState,
@@ -29,7 +30,7 @@ from labweb.domain.runs.halt_state import (
     is_off_since,
     who_keeps,
 )
-from labweb.domain.runs.halting import (
+from labweb.domain.runs.halts.halted_setpoints import (
     DEVICE_STOPPED,
     RUN_ABORTED,
     Done,
@@ -37,8 +38,8 @@ from labweb.domain.runs.halting import (
     may_stand,
     still_standing,
 )
-from labweb.domain.runs.job import AT_EDGE, UNSTARTED, JobState, Mover, RunState
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import AT_EDGE, UNSTARTED, JobState, Mover, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors

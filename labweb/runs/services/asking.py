@@ -12,12 +12,11 @@ from django.db.transaction import atomic
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, StateError
-from labweb.domain.messages import Ask, AskTold
-from labweb.domain.messages.asking import MOST_ARGUMENTS_BYTES
-from labweb.domain.runs.job import FINAL, JobState, RunState
-from labweb.domain.workflows import protocol
+from labweb.domain.messages.action_asks import MOST_ARGUMENTS_BYTES, ActionAsk, AskTold
+from labweb.domain.runs.states.job_states import FINAL, JobState, RunState
+from labweb.domain.workflows import workflow_file
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -58,7 +57,7 @@ def let_ask(host_id: UUID, *, name: User | None, actor: User) -> EdgeHost:
     return host
 
 
-def take_ask(host_id: UUID, ask: Ask) -> AskTold:
+def take_ask(host_id: UUID, ask: ActionAsk) -> AskTold:
     """Turn a wish into a run that waits for approval; the same one twice is one run.
 
     Effect:
@@ -73,7 +72,7 @@ def take_ask(host_id: UUID, ask: Ask) -> AskTold:
 
 
 @atomic
-def _start(host_id: UUID, ask: Ask) -> Run:
+def _start(host_id: UUID, ask: ActionAsk) -> Run:
     known = Run.objects.filter(ask_id=ask.ask_id).first()
     if known is not None:
         if not Run.objects.filter(pk=known.pk, ask_host_id=host_id).exists():
@@ -92,7 +91,7 @@ def _start(host_id: UUID, ask: Ask) -> Run:
         raise ForbiddenError("this host does not have that device", code="ask.other_host")
     name = f"{device.name}: {ask.action.replace('_', ' ')}"[:180] + f" ({ask.source[:10]})"
     document: dict[str, Any] = {
-        "schema": protocol.SCHEMA,
+        "schema": workflow_file.SCHEMA,
         "name": name,
         "steps": [
             {

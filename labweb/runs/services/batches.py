@@ -17,9 +17,9 @@ from labweb.crutd.selectors import Transaction
 from labweb.crutd.selectors.placement import with_place
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.messages import BatchPart, Do, ResourceView
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.relay import BatchDraft
+from labweb.domain.messages.commands import BatchPart, Do, ResourceView
+from labweb.domain.runs.dispatch.command_outbox import BatchDraft
+from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost

@@ -7,27 +7,27 @@ from typing import Any
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.calibration.buffers import (
+from labweb.domain.calibration.calibration_order import PhOrder, check_ph_order
+from labweb.domain.calibration.calibration_result import CalibrationOutcome, Criteria, judge
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.calibration.ph_buffers import (
     RESOLUTION_PH,
     BufferReading,
     check_filling,
     points_of,
 )
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import PhOrder, check_ph_order
 from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.job import JobState
-from labweb.domain.workflows.calibrating import buffer_workflow, reading_id
-from labweb.domain.workflows.passes.pumping import pump_node
-from labweb.domain.workflows.passes.roles import acting_node, plays
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.runs.states.job_states import JobState
+from labweb.domain.workflows.calibration_workflows import buffer_workflow, reading_id
+from labweb.domain.workflows.passes.lab_view import PlannerView
+from labweb.domain.workflows.passes.liquids.pump_choice import pump_node
+from labweb.domain.workflows.passes.role_requirements import acting_node, plays
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration
 
 
-def drawn(view: LabView, row: Device, order: PhOrder) -> tuple[dict[str, Any], dict[str, Any]]:
+def drawn(view: PlannerView, row: Device, order: PhOrder) -> tuple[dict[str, Any], dict[str, Any]]:
     """Draw the workflow that reads a probe in buffers; return it with nothing besides.
 
     Raises:
@@ -71,7 +71,7 @@ def drawn(view: LabView, row: Device, order: PhOrder) -> tuple[dict[str, Any], d
     return document, {}
 
 
-def judged(row: Calibration) -> tuple[list[Finding], Result | None]:
+def judged(row: Calibration) -> tuple[list[Finding], CalibrationOutcome | None]:
     """Judge the readings of a run that has ended; the points are put into the row."""
     order = msgspec.convert({key: row.order[key] for key in PhOrder.__struct_fields__}, PhOrder)
     readings, missing = _readings(row, order)
@@ -88,8 +88,8 @@ def judged(row: Calibration) -> tuple[list[Finding], Result | None]:
     criteria = Criteria(
         tolerance=order.tolerance, least_levels=2, least_repeats=2, resolution=RESOLUTION_PH
     )
-    found = judge(Quantity.PH, points, criteria)
-    return (list(found.findings), found) if isinstance(found, Result) else (found, None)
+    found = judge(CalibrationQuantity.PH, points, criteria)
+    return (list(found.findings), found) if isinstance(found, CalibrationOutcome) else (found, None)
 
 
 def _readings(row: Calibration, order: PhOrder) -> tuple[list[BufferReading], list[Finding]]:

@@ -18,23 +18,23 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.calibration.judge import Result
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import (
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.calibration.calibration_order import (
     Order,
     PhOrder,
     VolumeOrder,
     check_certificates,
 )
+from labweb.domain.calibration.calibration_result import CalibrationOutcome
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import canonical
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
@@ -48,10 +48,10 @@ LONGEST_TEXT = 2000
 
 RULE = "A calibration needs a second person"
 
-_JUDGES: dict[str, Callable[[Calibration], tuple[list[Finding], Result | None]]] = {
-    Quantity.VOLUME.value: weighing.judged,
-    Quantity.PH.value: buffering.judged,
-    Quantity.TEMPERATURE.value: thermometry.judged,
+_JUDGES: dict[str, Callable[[Calibration], tuple[list[Finding], CalibrationOutcome | None]]] = {
+    CalibrationQuantity.VOLUME.value: weighing.judged,
+    CalibrationQuantity.PH.value: buffering.judged,
+    CalibrationQuantity.TEMPERATURE.value: thermometry.judged,
 }
 
 
@@ -132,7 +132,7 @@ def _judge_one(calibration_id: UUID) -> None:
     on_commit(partial(_announce, row.device_id))
 
 
-def _judged(row: Calibration) -> tuple[list[Finding], Result | None]:
+def _judged(row: Calibration) -> tuple[list[Finding], CalibrationOutcome | None]:
     if row.run.state != RunState.COMPLETE.value:
         text = f"run {row.run.number} ended before all was measured"
         return [Finding("calibration.incomplete", text, str(row.run_id))], None

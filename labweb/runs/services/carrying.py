@@ -14,10 +14,10 @@ from django.db.transaction import atomic
 from labweb.common.prepared import together
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Change
 from labweb.domain.crutd.operations import TransferResource
+from labweb.domain.crutd.settlement import Change
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.dispatch.job_scheduler import JobView
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt

@@ -12,9 +12,9 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.common.clock import now
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.scheduler import Candidate, JobView, why_passed_by
-from labweb.domain.workflows.plan import Choice
+from labweb.domain.runs.dispatch.job_scheduler import DeviceCandidate, JobView, why_passed_by
+from labweb.domain.runs.states.job_states import JobState
+from labweb.domain.workflows.plan import CapableDevice
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Job
@@ -62,17 +62,17 @@ def dispatch_by_role(run_id: UUID, view: JobView, online: Collection[UUID]) -> b
     return False
 
 
-_ALL = tuple[Choice, ...]
+_ALL = tuple[CapableDevice, ...]
 
 
 def _candidate(
     device: Device,
-    choice: Choice,
+    choice: CapableDevice,
     online: Collection[UUID],
     latest: Mapping[str, tuple[float, Any]],
-) -> Candidate:
+) -> DeviceCandidate:
     newest = max((at for at, _ in latest.values()), default=None)
-    return Candidate(
+    return DeviceCandidate(
         state=device.state,
         host_name=device.host.name,
         is_host_online=device.host_id in online,
@@ -86,7 +86,7 @@ def _told(device: Device, passed: list[str], count: int) -> str:
     return f"{first}; {'; '.join(passed)}" if passed else first
 
 
-def _fields(choice: Choice) -> dict[str, Any]:
+def _fields(choice: CapableDevice) -> dict[str, Any]:
     """Return the columns of a job on that device."""
     plain = msgspec.to_builtins(choice)
     names = ("args", "operation", "pre", "post", "locks", "recovery", "corrections")

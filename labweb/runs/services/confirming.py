@@ -21,11 +21,11 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.common.clock import now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferMass
 from labweb.domain.errors import DefinitionError, PreconditionError, StateError
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job_states import JobState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job

@@ -14,11 +14,11 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import new_id
 from labweb.common.wake import wake_dispatcher
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, RevisionError, StateError
-from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
+from labweb.domain.runs.after_failure.plan_departures import Departure
+from labweb.domain.runs.states.job_states import FINAL, UNSTARTED, JobState, Mover, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors

@@ -27,10 +27,10 @@ from rocrate.rocrate import ROCrate  # type: ignore[import-untyped]
 
 from labweb.common.clock import now
 from labweb.common.render import iso
-from labweb.domain.crutd.provenance.facts import FileFact
-from labweb.domain.crutd.provenance.prov_json import render_prov
+from labweb.domain.crutd.provenance.prov_json_write import render_prov
+from labweb.domain.crutd.provenance.recorded_facts import FileFact
 from labweb.domain.errors import StateError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.runs.models import Run
 from labweb.runs.selectors import crate as contents
 from labweb.runs.selectors import provenance, shown

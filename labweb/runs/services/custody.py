@@ -20,18 +20,19 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
 from labweb.crutd.services import Settlement
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.operations import TransferResource
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import (
     DefinitionError,
     NotFoundError,
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
-from labweb.domain.runs import custody as rules
-from labweb.domain.runs.custody import CustodyState
+from labweb.domain.messages.commands import Receive, Release, ResourceView
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.exclusive_use import resource_custody as rules
+from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
@@ -252,8 +253,8 @@ def take_custody_event(host: EdgeHost, event: EdgeEvent) -> None:
     _tell(made)
 
 
-def _record(made: Custody) -> rules.Custody:
-    return rules.Custody(
+def _record(made: Custody) -> rules.ResourceCustody:
+    return rules.ResourceCustody(
         resource_id=made.resource_id,
         state=CustodyState(made.state),
         owner=made.owner_id,

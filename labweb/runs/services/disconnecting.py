@@ -13,7 +13,7 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd.operations import Disconnect
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL, JobState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors

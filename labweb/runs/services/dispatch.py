@@ -19,23 +19,28 @@ from labweb.common.clock import new_id, now, tick
 from labweb.common.prepared import Question, together, update_row
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
-from labweb.domain.calibration.model import Correction
+from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.messages import (
+from labweb.domain.messages.commands import (
     Cancel,
     Command,
     Do,
     Reset,
     Resolve,
     ResourceView,
-    Signed,
     StandingView,
 )
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batch, stamped
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.runs.dispatch.command_outbox import (
+    RING_AGAIN_AFTER_S,
+    BatchDraft,
+    signed_batch,
+    stamped,
+)
+from labweb.domain.runs.dispatch.job_scheduler import JobView
+from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, EdgeHost

@@ -13,7 +13,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
-from labweb.domain.enrollment.replacement import Waiting
+from labweb.domain.enrollment.driver_replacement import PlannedJobAhead
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
@@ -23,8 +23,8 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.job import AT_EDGE, FINAL
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, DriverVersion, EdgeHost
@@ -202,12 +202,12 @@ _PASSING = frozenset({"crutd.held_elsewhere"})
 """What is over by itself: another operation uses the part this moment."""
 
 
-def waiting_at(device_id: UUID) -> list[Waiting]:
+def waiting_at(device_id: UUID) -> list[PlannedJobAhead]:
     """Return what runs that go on will still ask of a device."""
     rows = Job.objects.filter(device_id=device_id, run__ended_at__isnull=True)
     rows = rows.exclude(state__in=[state.value for state in FINAL])
     return [
-        Waiting(job=sentence, action=action, args=args)
+        PlannedJobAhead(job=sentence, action=action, args=args)
         for sentence, action, args in rows.values_list("sentence", "action", "args")
     ]
 

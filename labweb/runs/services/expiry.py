@@ -11,7 +11,7 @@ from labweb.accounts import services as account_services
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import run_of
 from labweb.common.clock import now
-from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.runs.states.job_states import JobState, Mover, RunState
 from labweb.runs.models import Calibration, Job, Run
 from labweb.runs.services.state import announce, move_job
 

@@ -12,7 +12,7 @@ from django.db.utils import InterfaceError, OperationalError
 from labweb.common.clock import now
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.states.job_states import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Outbox

@@ -12,11 +12,11 @@ from labweb.common.clock import now
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import StateError
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import FENCED_CODE, SessionState
+from labweb.domain.runs.host_link.host_session import FENCED_CODE, SessionState
+from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost

@@ -13,9 +13,7 @@ import msgspec
 from django.db.transaction import atomic, on_commit
 
 from labweb.crutd import services as crutd_services
-from labweb.domain.crutd.operations import from_json, sample_of
-from labweb.domain.errors import DefinitionError, LabError, StateError
-from labweb.domain.files import (
+from labweb.domain.action_files import (
     UNKNOWN,
     WANTED,
     FileAsked,
@@ -26,6 +24,8 @@ from labweb.domain.files import (
     check_files,
     plain_media_type,
 )
+from labweb.domain.crutd.operations import from_json, sample_of
+from labweb.domain.errors import DefinitionError, LabError, StateError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource

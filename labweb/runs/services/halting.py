@@ -12,8 +12,8 @@ from django.db.transaction import on_commit
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.errors import Finding, StateError
-from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.halting import (
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.halts.halted_setpoints import (
     DEVICE_STOPPED,
     INTERRUPTED,
     RUN_ABORTED,
@@ -24,8 +24,8 @@ from labweb.domain.runs.halting import (
     voided,
     was_halted_since,
 )
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.vanishing import VANISHED, gone_of
+from labweb.domain.runs.halts.vanished_setpoints import VANISHED, gone_of
+from labweb.domain.runs.states.job_states import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors

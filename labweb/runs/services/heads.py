@@ -11,15 +11,11 @@ from labweb.common import signing
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.event_chain import chain_of, end_of_events
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import StateError
-from labweb.domain.messages import (
-    ChainHead,
-    EdgeEvent,
-    Heads,
-    Signed,
-    canonical,
-    countersigned_bytes,
-)
+from labweb.domain.messages.chain_heads import ChainHead, Heads, countersigned_bytes
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.events import EdgeEvent
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost

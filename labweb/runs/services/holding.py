@@ -18,10 +18,10 @@ from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError
-from labweb.domain.runs import claims as rules
-from labweb.domain.runs.claims import Claim, Claims
-from labweb.domain.runs.holding import Ask, Mode, Party, Refusal, Why
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.exclusive_use import run_claims as rules
+from labweb.domain.runs.exclusive_use.run_claims import Claims, RunClaim
+from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, Party, Refusal, UseMode, Why
+from labweb.domain.runs.states.job_states import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
@@ -35,13 +35,13 @@ _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
 class Granted:
     """What a run takes before jobs of it are sent."""
 
-    modes: dict[UUID, tuple[Mode, int]]
+    modes: dict[UUID, tuple[UseMode, int]]
     """How it holds each, and until which of its steps."""
 
     writing: Sequence[Question[Any]]
     """Writes it, in the block that sends the jobs."""
 
-    wanted: Mapping[UUID, Mode] = field(default_factory=dict)
+    wanted: Mapping[UUID, UseMode] = field(default_factory=dict)
     """What it keeps of this between its steps."""
 
     def in_line(self, error: LockedError) -> LockedError:
@@ -76,7 +76,7 @@ def ask(run: Run, jobs: Sequence[Job]) -> Granted:
     has_begun = bool(held) or any(one.has_acted for one in stands)
     asker = Party(id=run.pk, has_begun=has_begun, held=held, needs=needs, choices=choices)
     since = now().timestamp() if run.waits is None else run.waits["since"]
-    whole = Ask(run_id=run.pk, turn=(since, run.number), wanted=wanted)
+    whole = HoldAsk(run_id=run.pk, turn=(since, run.number), wanted=wanted)
     refused, kept = rules.decide(asker, whole, asked, scene)
     if refused is not None:
         raise _waiting(refused, kept, numbers[refused.run_id])
@@ -111,11 +111,11 @@ def _used(jobs: Iterable[Job]) -> set[UUID]:
 
 
 def _taken(
-    asked: Sequence[Claim],
-    held: dict[UUID, Mode],
+    asked: Sequence[RunClaim],
+    held: dict[UUID, UseMode],
     claims: Claims,
-    stands: Sequence[rules.Stand],
-) -> dict[UUID, tuple[Mode, int]]:
+    stands: Sequence[rules.JobProgress],
+) -> dict[UUID, tuple[UseMode, int]]:
     """Return how each thing is held from here on: what was held in another way is held alone."""
     until: dict[UUID, int] = {}
     for claim in rules.open_claims(claims, stands):
@@ -123,12 +123,12 @@ def _taken(
             until[claim.resource_id] = max(until.get(claim.resource_id, 0), claim.until_step)
     modes = rules.modes_in(asked)
     return {
-        node: (mode if held.get(node) in {None, mode} else Mode.ALONE, until[node])
+        node: (mode if held.get(node) in {None, mode} else UseMode.ALONE, until[node])
         for node, mode in modes.items()
     }
 
 
-def _waiting(refused: Refusal, ask: Ask, number: int) -> LockedError:
+def _waiting(refused: Refusal, ask: HoldAsk, number: int) -> LockedError:
     name = resource_selectors.names([refused.resource_id])[refused.resource_id]
     hold = reads.holds_of([refused.run_id]).filter(resource_id=refused.resource_id).first()
     until = None if hold is None else hold.until_step

@@ -19,19 +19,19 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.history_replay import begun_at
 from labweb.crutd.services import Settlement
-from labweb.domain.calibration.model import Correction
-from labweb.domain.calibration.reading import corrected
-from labweb.domain.canonical import without_null
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.calibration.corrected_reading import corrected
+from labweb.domain.calibration.correction import Correction
+from labweb.domain.canonical_json import without_null
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
-from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.clocks import Cause, Happened, happened, latest, told_moment
-from labweb.domain.runs.context import read_context
-from labweb.domain.runs.halting import IS_HALTED
-from labweb.domain.runs.intake import Meaning, read_event
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import check_events, heard
-from labweb.domain.runs.vanishing import EVENT as LOSS
+from labweb.domain.messages.events import EdgeEvent
+from labweb.domain.runs.halts.halted_setpoints import IS_HALTED
+from labweb.domain.runs.halts.vanished_setpoints import EVENT as LOSS
+from labweb.domain.runs.host_journal.surroundings import read_context
+from labweb.domain.runs.host_link.host_clocks import Cause, Happened, happened, latest, told_moment
+from labweb.domain.runs.host_link.host_session import check_events, heard
+from labweb.domain.runs.states.host_event_meaning import Meaning, read_event
+from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost

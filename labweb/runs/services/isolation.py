@@ -7,9 +7,9 @@ from uuid import UUID
 
 from django.db.transaction import atomic
 
-from labweb.domain.runs.isolation import AWAY, find_waiting
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import SessionState
+from labweb.domain.runs.dispatch.work_of_absent_host import AWAY, find_waiting
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job

@@ -13,9 +13,9 @@ from labweb.common.clock import now
 from labweb.common.prepared import Question, together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors.condition_facts import lab_facts
-from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.resources.contents import LotId
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -24,7 +24,7 @@ from labweb.runs import selectors
 from labweb.telemetry import selectors as telemetry_selectors
 
 
-def lab_view(lab: Lab) -> LabView:
+def lab_view(lab: Lab) -> PlannerView:
     """Return the frozen picture of a lab that compiling works on."""
     return view_of(lab, together(*asking_view(lab.pk)))
 
@@ -49,14 +49,14 @@ def hosts_in(answers: Sequence[list[Any]]) -> dict[UUID, EdgeHost]:
     return {device.id: device.host for device in devices}
 
 
-def view_of(lab: Lab, answers: Sequence[list[Any]]) -> LabView:
+def view_of(lab: Lab, answers: Sequence[list[Any]]) -> PlannerView:
     """Return the picture of a lab from what `asking_view` was answered."""
     devices: list[Device]
     rows, devices, lots, materials, connections, accepted, amounts, told = answers
     specs = enrollment_selectors.specs_of(devices)
     calibrations = selectors.calibrations_of(devices, accepted, at=now())
     snapshot = crutd_selectors.lab_snapshot(rows, amounts)
-    return LabView(
+    return PlannerView(
         tree=resource_selectors.tree_of(rows),
         graph=resource_selectors.to_graph(connections),
         devices=tuple(

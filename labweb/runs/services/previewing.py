@@ -12,10 +12,10 @@ import msgspec
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.domain.crutd import operations
-from labweb.domain.workflows.compile import LabView, compile_workflow
-from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
-from labweb.domain.workflows.protocol import parse_workflow
-from labweb.domain.workflows.proving import Proof, prove_plan
+from labweb.domain.workflows.compile_workflow import PlannerView, compile_workflow
+from labweb.domain.workflows.plan import CapableDevice, Plan, PlannedJob
+from labweb.domain.workflows.plan_proof.prove_workflow import WorkflowProof, prove_plan
+from labweb.domain.workflows.workflow_file import parse_workflow
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.services.picture import lab_view
@@ -29,7 +29,7 @@ class Preview:
     policies: tuple[str, ...]
     """Names of the policies that want a person to look first."""
 
-    proof: Proof
+    proof: WorkflowProof
     """What was carried out on paper, and what no proof covers."""
 
     def to_json(self) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def preview(
     lab: Lab,
     document: dict[str, Any],
     *,
-    view: LabView | None = None,
+    view: PlannerView | None = None,
     reach: resource_selectors.Reach | None = None,
     rules: Sequence[approval_selectors.Policy] | None = None,
 ) -> Preview:
@@ -88,14 +88,14 @@ def surely_touched(plan: Plan) -> set[UUID]:
     return {node for job in plan.jobs for node in set.intersection(*map(_uses, job.ways()))}
 
 
-def _uses(way: PlannedJob | Choice) -> set[UUID]:
+def _uses(way: PlannedJob | CapableDevice) -> set[UUID]:
     ids = set(way.locks)
     if not isinstance(way.operation, operations.Read):
         ids.update(operations.touched_ids(way.operation))
     return ids
 
 
-def named(view: LabView, document: dict[str, Any]) -> set[UUID]:
+def named(view: PlannerView, document: dict[str, Any]) -> set[UUID]:
     """Return the resources that a document names, by id or key."""
     texts = set(_texts(document))
     return {

@@ -15,10 +15,10 @@ from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import Finding, PreconditionError, RevisionError
 from labweb.domain.recipes.agreement.contents import check_contents
 from labweb.domain.recipes.agreement.keeping import departs
-from labweb.domain.runs import departing
-from labweb.domain.runs.departing import Departure
-from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.steps import called
+from labweb.domain.runs.after_failure import plan_departures
+from labweb.domain.runs.after_failure.plan_departures import Departure
+from labweb.domain.workflows.passes.lab_view import PlannerView
+from labweb.domain.workflows.unit_operations.step_palette import called
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
@@ -26,7 +26,7 @@ from labweb.workflows.selectors import WorkflowVersion
 
 
 def check_proved(
-    version: WorkflowVersion, view: LabView, among: Container[UUID] | None = None
+    version: WorkflowVersion, view: PlannerView, among: Container[UUID] | None = None
 ) -> None:
     """Refuse a recipe whose vessels hold something else than when it was proved.
 
@@ -54,16 +54,16 @@ def departure_of(run: Run, job: Job, detail: Mapping[str, Any]) -> dict[str, str
     if run.version.proved is None:
         return {}
     if detail["choice"] == "skip":
-        return {"departs": departing.skipped(job.sentence)}
+        return {"departs": plan_departures.skipped(job.sentence)}
     if detail["choice"] == "change":
         return {"departs": _changed(run, str(detail["step_id"]))}
     if selectors.is_discarded(job):
-        return {"departs": departing.unknown(job.sentence, job.attempts.count())}
+        return {"departs": plan_departures.unknown(job.sentence, job.attempts.count())}
     operation = operations.from_json(job.operation)
     if detail["choice"] == "done_by_hand" and isinstance(operation, TransferLiquid):
         moved_nl = selectors.moved_nl(job) + int(detail["moved_nl"] or 0)
         asked_nl = operation.amount_nl
-        told = departing.by_hand(job.sentence, asked_nl=asked_nl, moved_nl=moved_nl)
+        told = plan_departures.by_hand(job.sentence, asked_nl=asked_nl, moved_nl=moved_nl)
         return {"departs": told} if told else {}
     return {}
 
@@ -74,7 +74,7 @@ def _changed(run: Run, step_id: str) -> str:
     if not departs(proved, made):
         return ""
     names = resource_selectors.names_in(proved["params"].values(), made["params"].values())
-    return departing.changed(called(proved, names), proved["params"], made["params"], names)
+    return plan_departures.changed(called(proved, names), proved["params"], made["params"], names)
 
 
 def _step(document: Mapping[str, Any], step_id: str) -> dict[str, Any]:
@@ -94,8 +94,8 @@ def check_departures(run: Run, *, actor: User, seen: Sequence[Departure] | None)
         PreconditionError: `recipe.deviated`; `findings` list what nobody has accepted.
         RevisionError: `recipe.deviated_since`: there are others by now than were seen.
     """
-    told = departing.departures(run.recoveries)
-    findings = departing.check_departed(told, selectors.accepted_departures(run))
+    told = plan_departures.departures(run.recoveries)
+    findings = plan_departures.check_departed(told, selectors.accepted_departures(run))
     if not findings:
         return
     if seen is None:

@@ -14,10 +14,10 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import events_of
 from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.domain.errors import Finding, ReconcileError
-from labweb.domain.runs.edge import resolve
-from labweb.domain.runs.history import job_state, server_state
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.session import FENCED_CODE
+from labweb.domain.runs.host_journal.action_states import resolve
+from labweb.domain.runs.host_link.host_session import FENCED_CODE
+from labweb.domain.runs.states.job_state_from_events import job_state, server_state
+from labweb.domain.runs.states.job_states import JobState
 from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 

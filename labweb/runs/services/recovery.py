@@ -12,14 +12,14 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.drawn_lots import part_of, rest_of
 from labweb.domain.crutd.operations import TransferLiquid, TransferMass, TransferResource
-from labweb.domain.crutd.parts import part_of, rest_of
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.runs import recovery
-from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import UNSTARTED, JobState, Mover, RunState
+from labweb.domain.runs.after_failure import recovery_choices
+from labweb.domain.runs.halts.halted_setpoints import LET_GO
+from labweb.domain.runs.states.job_states import UNSTARTED, JobState, Mover, RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
@@ -108,7 +108,7 @@ def _again(run: Run, job: Job) -> None:
                 later.save(update_fields=["after"])
     _queue(job)
     other = selectors.partner_job(job)
-    if other is not None and JobState(other.state) in recovery.UNDONE:
+    if other is not None and JobState(other.state) in recovery_choices.UNDONE:
         _queue(other)
 
 
@@ -143,7 +143,7 @@ def _skip(run: Run, job: Job) -> list[int]:
     """Pass a job over, and what is left of its step behind it."""
     job.passed_by = "skip"
     job.save(update_fields=["passed_by"])
-    indices = recovery.skipped_with(selectors.ended_job(job), selectors.later_jobs(job))
+    indices = recovery_choices.skipped_with(selectors.ended_job(job), selectors.later_jobs(job))
     for other in Job.objects.filter(run=run, index__in=indices).order_by("index"):
         if other.state in {JobState.QUEUED.value, JobState.HELD.value, JobState.SUSPENDED.value}:
             move_job(other, JobState.STOPPED, Mover.SERVER, code="run.skipped", passed_by="skip")

@@ -20,10 +20,10 @@ from django.db.transaction import atomic, set_rollback
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LabError
-from labweb.domain.runs.scheduler import ready
+from labweb.domain.runs.dispatch.job_scheduler import ready
 from labweb.runs import selectors
 from labweb.runs.models import Job, Outbox, Run
 from labweb.runs.services import dispatch

@@ -12,13 +12,13 @@ from django.db.transaction import on_commit
 from labweb.accounts.selectors import User
 from labweb.common.prepared import together
 from labweb.common.wake import wake_dispatcher
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.runs.job import FINAL, JobState, Mover
-from labweb.domain.runs.replanning import Stood, document_left, steps_left
+from labweb.domain.runs.after_failure.replanning import Stood, document_left, steps_left
+from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.protocol import bind_materials, parse_workflow, render_workflow
+from labweb.domain.workflows.workflow_file import bind_materials, parse_workflow, render_workflow
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.services.holding import declare

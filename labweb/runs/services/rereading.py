@@ -8,7 +8,13 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.doubt_resolutions import Resolved, resolved_of
-from labweb.domain.runs.doubting import Later, Measured, claimed_nl, contradiction, later_words
+from labweb.domain.runs.after_failure.doubt_by_readings import (
+    LateAnswer,
+    PlungerMeasured,
+    claimed_nl,
+    contradiction,
+    later_words,
+)
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job
@@ -49,7 +55,7 @@ def _reread(attempt: Attempt) -> bool:
     return is_contradicted
 
 
-def _ask(job: Job, attempt: Attempt, resolved: Resolved, measured: Measured) -> bool:
+def _ask(job: Job, attempt: Attempt, resolved: Resolved, measured: PlungerMeasured) -> bool:
     """Open a ticket where the reading contradicts the answer; the job leads to it."""
     told, asked_nl = resolved.resolution, selectors.asked_nl(job)
     answer, moved_nl = str(told.get("answer")), told.get("moved_nl")
@@ -59,7 +65,7 @@ def _ask(job: Job, attempt: Attempt, resolved: Resolved, measured: Measured) -> 
         return False
     names = resource_selectors.names_in([job.operation["source_id"], job.operation["target_id"]])
     text = later_words(
-        Later(
+        LateAnswer(
             by=resolved.by or "a person",
             device=job.device.name,
             source=names[job.operation["source_id"]],

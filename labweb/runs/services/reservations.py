@@ -13,7 +13,7 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.reservations import ResourceReservation
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import Finding, ForbiddenError, LockedError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors

@@ -17,18 +17,18 @@ from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.decide import OutcomeKind
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.crutd.settlement import OutcomeKind
 from labweb.domain.errors import DefinitionError, LabError, PreconditionError, StateError
-from labweb.domain.runs.doubting import (
+from labweb.domain.runs.after_failure.doubt_by_readings import (
     AFTERWARDS,
     against_the_record,
     contradiction,
     is_worth_reading,
 )
-from labweb.domain.runs.edge import ANSWERS, ActionState, resolve
-from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import is_given_up
+from labweb.domain.runs.host_journal.action_states import ANSWERS, ActionState, resolve
+from labweb.domain.runs.host_link.host_session import is_given_up
+from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors

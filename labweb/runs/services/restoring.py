@@ -26,9 +26,9 @@ from labweb.crutd.selectors.event_chain import broken_link, told_columns
 from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, ReconcileError, StateError
-from labweb.domain.messages import EdgeEvent, event_hash
-from labweb.domain.runs import event_file
-from labweb.domain.runs.event_file import Line, bad_line
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.runs.states import event_export_file
+from labweb.domain.runs.states.event_export_file import ExportLine, bad_line
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import HostEvent
@@ -54,7 +54,7 @@ def export(lab: Lab, out: Path) -> int:
     try:
         with one_moment(), half.open("wb") as file:
             check_exportable(lab)
-            for line in event_file.write(records_of(lab)):
+            for line in event_export_file.write(records_of(lab)):
                 file.write(line)
                 count += 1
         for _ in _things(half):
@@ -145,7 +145,7 @@ class _Reader:
     sha256: str = ""
     lab_id: UUID | None = None
 
-    def thing(self, line: Line) -> _Thing:
+    def thing(self, line: ExportLine) -> _Thing:
         """Read one line.
 
         Raises:
@@ -248,7 +248,7 @@ def _things(path: Path) -> Iterator[_Thing]:
     """
     reader = _Reader()
     with path.open("rb") as file:
-        for line in event_file.read(file):
+        for line in event_export_file.read(file):
             yield reader.thing(line)
     if not reader.seq:
         raise DefinitionError("the file holds no event", code="event_file.line")

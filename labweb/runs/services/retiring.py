@@ -12,7 +12,7 @@ from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services.device_removal import Leaving
 from labweb.domain.errors import Finding, LockedError, PreconditionError
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState
+from labweb.domain.runs.states.job_states import AT_EDGE, FINAL, JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device

@@ -7,9 +7,9 @@ from collections.abc import Collection, Mapping, Sequence
 from uuid import UUID
 
 from labweb.common import disk
-from labweb.domain.disk import Level
-from labweb.domain.runs.batch import ALONE, find_batches
-from labweb.domain.runs.scheduler import JobView, may_begin, pair_of, ready
+from labweb.domain.disk_space import DiskRoomLevel
+from labweb.domain.runs.dispatch.job_scheduler import JobView, may_begin, pair_of, ready
+from labweb.domain.runs.host_actions.host_batch import ALONE, find_batches
 from labweb.domain.workflows.plan import Execution
 from labweb.runs import selectors
 from labweb.runs.services.batches import dispatch_batch
@@ -37,7 +37,7 @@ def dispatch_ready() -> int:
     """
     found = selectors.to_schedule()
     failed, count = dict(found.senseless), 0
-    is_full = disk.level() is Level.FULL
+    is_full = disk.level() is DiskRoomLevel.FULL
     for run_id, execution, views in found.runs:
         if not may_begin(views, found.short_of_room, is_server_full=is_full):
             continue

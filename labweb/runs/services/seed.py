@@ -20,9 +20,9 @@ from labweb.accounts import services as account_services
 from labweb.approvals import services as approval_services
 from labweb.common import signing
 from labweb.crutd import services as crutd_services
-from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Mode
-from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
+from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFile, LabMode
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
+from labweb.domain.workflows.workflow_file import parse_workflow, render_workflow, resolve_keys
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services as workflow_services
@@ -55,7 +55,7 @@ _BEHIND = {"s7_furnace": "/0/1"}
 """What stands in the address behind the port."""
 
 
-def seed_people(root_id: UUID, passwords_file: Path, mode: Mode) -> None:
+def seed_people(root_id: UUID, passwords_file: Path, mode: LabMode) -> None:
     """Create the four users with random passwords, kept in a file of mode 0600.
 
     Users that exist keep their passwords; the file says which were changed since. In a lab with
@@ -71,7 +71,7 @@ def seed_people(root_id: UUID, passwords_file: Path, mode: Mode) -> None:
             password=password,
             role=role,
             root_id=root_id,
-            password_from=source.SEED if mode is Mode.SIM else source.ADMIN,
+            password_from=source.SEED if mode is LabMode.SIM else source.ADMIN,
         )
         if created:
             kept[username] = {"username": username, "role": role, "password": password}
@@ -216,8 +216,8 @@ def write_host(lab_file: LabFile, data: Path) -> str:
         "key_file": str(folder / "host.key"),
         "valkey": {"socket": str(sockets / "host.sock")},
         "mode": lab_file.mode.value,
-        "pace": float(os.environ.get("LABWEB_SPEED", "1")) if lab_file.mode is Mode.SIM else 1.0,
-        "tryouts": lab_file.mode is Mode.SIM,
+        "pace": float(os.environ.get("LABWEB_SPEED", "1")) if lab_file.mode is LabMode.SIM else 1.0,
+        "tryouts": lab_file.mode is LabMode.SIM,
     }
     write_private(folder / "host.json", config)
     return public

@@ -7,8 +7,8 @@ from uuid import UUID
 from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.admission import SHOWS_ITSELF, shows_itself
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.enrollment.admitted_interface import SHOWS_ITSELF, shows_itself
 from labweb.domain.errors import StateError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

@@ -23,18 +23,18 @@ from labweb.common.prepared import Question, inserting, together
 from labweb.common.wake import waking
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import reservations
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.disk import check_room
+from labweb.domain.disk_space import check_room
 from labweb.domain.errors import (
     Finding,
     PreconditionError,
     RevisionError,
     StateError,
 )
-from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.runs.states.job_states import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.plan import Plan
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
@@ -125,7 +125,7 @@ def start_run(
     return run
 
 
-def _claimed(plan: Plan, view: LabView) -> dict[str, Any]:
+def _claimed(plan: Plan, view: PlannerView) -> dict[str, Any]:
     """Return what any path of a plan may use, as it is stored."""
     kinds = {one.id: one.kind for one in view.tree.resources}
     claims: dict[str, Any] = msgspec.to_builtins(claims_of_plan(plan, kinds), str_keys=True)
@@ -143,7 +143,7 @@ class Scene:
     """By somebody else."""
 
     run_number: int
-    view: LabView
+    view: PlannerView
     hosts: dict[UUID, EdgeHost]
     """By each device that was admitted."""
 

@@ -16,8 +16,8 @@ from labweb.common.clock import happened_at, now, told
 from labweb.common.prepared import Question, together, updating
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
-from labweb.domain.runs.scheduler import run_state, state_after_dispatch
+from labweb.domain.runs.dispatch.job_scheduler import run_state, state_after_dispatch
+from labweb.domain.runs.states.job_states import FINAL, JobState, Mover, RunState, check_step
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.services import holding

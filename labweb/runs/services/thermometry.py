@@ -9,22 +9,22 @@ from uuid import UUID
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import TemperatureOrder, check_temperature_order
-from labweb.domain.calibration.thermal import (
+from labweb.domain.calibration.calibration_order import TemperatureOrder, check_temperature_order
+from labweb.domain.calibration.calibration_result import CalibrationOutcome, Criteria, judge
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.calibration.thermometer_comparison import (
     LEAST_SET_POINTS,
     RESOLUTION_C,
     Comparison,
     points_of,
 )
-from labweb.domain.enrollment.device import Device as DeviceData
+from labweb.domain.enrollment.admitted_device import AdmittedDevice as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.job import JobState
-from labweb.domain.workflows.calibrating import comparison_ids, thermal_workflow
-from labweb.domain.workflows.passes.roles import HOLD_TOLERANCE_C, acting_node, plays
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.runs.states.job_states import JobState
+from labweb.domain.workflows.calibration_workflows import comparison_ids, thermal_workflow
+from labweb.domain.workflows.passes.lab_view import PlannerView
+from labweb.domain.workflows.passes.role_requirements import HOLD_TOLERANCE_C, acting_node, plays
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration, Job
 
@@ -32,7 +32,7 @@ _HEATS = ("heater", "thermostat")
 
 
 def drawn(
-    view: LabView, row: Device, order: TemperatureOrder
+    view: PlannerView, row: Device, order: TemperatureOrder
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Draw the workflow that compares a heater's probe; return it with what its judge needs.
 
@@ -67,7 +67,7 @@ def drawn(
     return document, {"levels": set_points_c}
 
 
-def judged(row: Calibration) -> tuple[list[Finding], Result | None]:
+def judged(row: Calibration) -> tuple[list[Finding], CalibrationOutcome | None]:
     """Judge the comparisons of a run that has ended; the points are put into the row."""
     order = msgspec.convert(
         {key: row.order[key] for key in TemperatureOrder.__struct_fields__}, TemperatureOrder
@@ -86,11 +86,11 @@ def judged(row: Calibration) -> tuple[list[Finding], Result | None]:
         least_repeats=2,
         resolution=RESOLUTION_C,
     )
-    found = judge(Quantity.TEMPERATURE, points, criteria)
-    return (list(found.findings), found) if isinstance(found, Result) else (found, None)
+    found = judge(CalibrationQuantity.TEMPERATURE, points, criteria)
+    return (list(found.findings), found) if isinstance(found, CalibrationOutcome) else (found, None)
 
 
-def _check_vessel(view: LabView, device: DeviceData, vessel_id: UUID) -> list[Finding]:
+def _check_vessel(view: PlannerView, device: DeviceData, vessel_id: UUID) -> list[Finding]:
     """List why a vessel cannot show what the device heats; nothing else may heat it."""
     state = view.state(vessel_id)
     if vessel_id not in view.vessels_on(device) or state is None:
@@ -114,7 +114,7 @@ def _check_vessel(view: LabView, device: DeviceData, vessel_id: UUID) -> list[Fi
 
 
 def _thermometer(
-    view: LabView, row: Device, device: DeviceData | None, vessel_id: UUID, found: list[Finding]
+    view: PlannerView, row: Device, device: DeviceData | None, vessel_id: UUID, found: list[Finding]
 ) -> UUID | None:
     """Return the resource that measures; note when it is no thermometer, or not in the vessel."""
     if device is None or device.id == row.id or not plays(device, "thermometer"):

@@ -9,22 +9,22 @@ from uuid import UUID
 import msgspec
 
 from labweb.common.clock import now
-from labweb.domain.calibration.gravimetric import Weighing, check_evaporation, points_of
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import VolumeOrder, check_order, levels_ul
-from labweb.domain.enrollment.device import Device as DeviceData
+from labweb.domain.calibration.calibration_order import VolumeOrder, check_order, levels_ul
+from labweb.domain.calibration.calibration_result import CalibrationOutcome, Criteria, judge
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.calibration.gravimetric_volume import Weighing, check_evaporation, points_of
+from labweb.domain.enrollment.admitted_device import AdmittedDevice as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.runs.job import JobState
-from labweb.domain.workflows.calibrating import (
+from labweb.domain.runs.states.job_states import JobState
+from labweb.domain.workflows.calibration_workflows import (
     gravimetric_workflow,
     weighing_ids,
     weighing_order,
 )
-from labweb.domain.workflows.passes.correcting import largest_stroke_nl
-from labweb.domain.workflows.passes.pumping import pump_node
-from labweb.domain.workflows.passes.roles import acting_node, plays, setting
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.passes.devices.calibration_correction import largest_stroke_nl
+from labweb.domain.workflows.passes.lab_view import PlannerView
+from labweb.domain.workflows.passes.liquids.pump_choice import pump_node
+from labweb.domain.workflows.passes.role_requirements import acting_node, plays, setting
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Calibration, Job
 
@@ -40,7 +40,7 @@ class _Pump(NamedTuple):
 
 
 def drawn(
-    view: LabView, device: Device, order: VolumeOrder
+    view: PlannerView, device: Device, order: VolumeOrder
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Draw the workflow that weighs a pump; return it with what its judge needs to know.
 
@@ -65,7 +65,7 @@ def drawn(
     return document, facts
 
 
-def judged(row: Calibration) -> tuple[list[Finding], Result | None]:
+def judged(row: Calibration) -> tuple[list[Finding], CalibrationOutcome | None]:
     """Judge the weighings of a run that has ended; the points are put into the row."""
     order = msgspec.convert(
         {key: row.order[key] for key in VolumeOrder.__struct_fields__}, VolumeOrder
@@ -86,11 +86,11 @@ def judged(row: Calibration) -> tuple[list[Finding], Result | None]:
         resolution=row.order["resolution"],
     )
     others = check_evaporation(weighings, order.tolerance)
-    found = judge(Quantity.VOLUME, points, criteria, others=others)
-    return (list(found.findings), found) if isinstance(found, Result) else (found, None)
+    found = judge(CalibrationQuantity.VOLUME, points, criteria, others=others)
+    return (list(found.findings), found) if isinstance(found, CalibrationOutcome) else (found, None)
 
 
-def _bench_of(view: LabView, row: Device, order: VolumeOrder) -> _Pump:
+def _bench_of(view: PlannerView, row: Device, order: VolumeOrder) -> _Pump:
     """Return the pump and the balance of an order.
 
     Raises:
@@ -127,7 +127,7 @@ def _bench_of(view: LabView, row: Device, order: VolumeOrder) -> _Pump:
     )
 
 
-def _pan(view: LabView, balance: DeviceData, target: UUID, found: list[Finding]) -> UUID | None:
+def _pan(view: PlannerView, balance: DeviceData, target: UUID, found: list[Finding]) -> UUID | None:
     """Return the balance's resource; note when it does not weigh, or not that vessel."""
     if not plays(balance, "balance"):
         text = f"{balance.name} is no balance"

@@ -12,7 +12,7 @@ from uuid import UUID
 from django.conf import settings
 from django.db import connection
 
-from labweb.domain.telemetry import MOST_POINTS, RAW, choose_resolution
+from labweb.domain.telemetry_resolution import MOST_POINTS, RAW, choose_resolution
 from labweb.telemetry.models import Gap
 
 RAW_WITHIN_S = 6 * 3600.0

@@ -14,9 +14,9 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.apart import read_apart
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.action_files import KEPT_ONLY
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import StateError
-from labweb.domain.files import KEPT_ONLY
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors

@@ -21,8 +21,8 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts.selectors import User
 from labweb.common import feed, queue
 from labweb.common.clock import now
+from labweb.domain.action_files import KEPT_ONLY, LOST, NamedFile
 from labweb.domain.errors import DefinitionError, LabError, StateError
-from labweb.domain.files import KEPT_ONLY, LOST, NamedFile
 from labweb.enrollment.selectors import Device
 from labweb.resources.selectors import Lab, Resource
 from labweb.telemetry.models import File, Incoming

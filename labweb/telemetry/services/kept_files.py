@@ -24,9 +24,9 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common.clock import now
 from labweb.common.lanes import give_back_connection
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.action_files import KEPT_ONLY, MEDIA_TYPES, is_name, plain_media_type
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES, is_name, plain_media_type
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors

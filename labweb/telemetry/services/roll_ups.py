@@ -8,7 +8,7 @@ from django.conf import settings
 from django.db import connection
 from django.db.transaction import atomic
 
-from labweb.domain.telemetry import LEVELS_S, RAW, SLACK_S
+from labweb.domain.telemetry_resolution import LEVELS_S, RAW, SLACK_S
 from labweb.telemetry.models import Gap
 
 _ROLLING_LOCK = 0x6C61_6265

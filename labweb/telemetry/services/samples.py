@@ -16,8 +16,8 @@ from django.db import DataError, connection
 from django.db.transaction import atomic
 
 from labweb.common import feed
-from labweb.domain.messages import TelemetryGap
-from labweb.domain.telemetry import RAW
+from labweb.domain.messages.telemetry import TelemetryGap
+from labweb.domain.telemetry_resolution import RAW
 from labweb.telemetry.models import Gap
 
 logger = logging.getLogger(__name__)

@@ -15,7 +15,7 @@ from django.db import connection
 from pyarrow import csv, parquet
 
 from labweb.domain.errors import DefinitionError
-from labweb.domain.telemetry import RAW
+from labweb.domain.telemetry_resolution import RAW
 
 MOST_ROWS = 2_000_000
 """More are refused: a shorter range, fewer statuses or a coarser level."""

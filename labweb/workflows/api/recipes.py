@@ -11,8 +11,8 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
-from labweb.domain.approvals.tokens import AccessScope
-from labweb.domain.recipes.opening import Asked
+from labweb.domain.approvals.access_tokens import AccessScope
+from labweb.domain.recipes.recipe_preview import PreviewAsked
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services
 from labweb.workflows.answers import KeptRecipe, RecipeAdvice, RecipeOpening
@@ -39,9 +39,9 @@ class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     equiv_reference: str = ""
     equiv_amount: str = ""
 
-    def asked(self) -> Asked:
+    def asked(self) -> PreviewAsked:
         """Return it for the domain."""
-        return Asked(
+        return PreviewAsked(
             name=self.name,
             recipe=self.recipe,
             graph=self.graph or b"",
@@ -114,7 +114,7 @@ class KeepRecipe(Endpoint):
     def prepare(self, request: Request, *_args: object, **_kwargs: object) -> None:
         """Read the recipe in its process, before a transaction is open."""
         told = body(request, Kept)
-        asked = Asked(
+        asked = PreviewAsked(
             name=told.file,
             recipe=told.recipe,
             bind=told.bind,

@@ -13,11 +13,11 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
-from labweb.domain.approvals.roles import Permission
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.dimensions import DIMENSIONS
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.workflows.steps import palette
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.workflows.unit_operations.step_palette import palette
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import selectors, services

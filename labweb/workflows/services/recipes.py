@@ -18,15 +18,15 @@ from django.db.transaction import atomic
 from labweb.accounts.selectors import User
 from labweb.common.lanes import give_back_connection
 from labweb.crutd.selectors.lab_export import lab_file_of
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.rig.lab import render_graph
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.rig.lab_as_rig import render_graph
 from labweb.domain.recipes.agreement.contents import render_proved
-from labweb.domain.recipes.opening import Asked
-from labweb.domain.recipes.recipe_on_rig import digest
-from labweb.domain.resources.tree import Tree
-from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
+from labweb.domain.recipes.compile_recipe_file import digest
+from labweb.domain.recipes.recipe_preview import PreviewAsked
+from labweb.domain.resources.resource_tree import Tree
+from labweb.domain.workflows.workflow_file import parse_workflow, render_workflow, resolve_keys
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import WorkflowVersion
@@ -52,7 +52,7 @@ _asking: set[object] = set()
 _told = Condition()
 
 
-def open_recipe(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str, Any]:
+def open_recipe(lab: Lab, asked: PreviewAsked, *, on_lab: bool, actor: User) -> dict[str, Any]:
     """Read a recipe, bind it to a graph, compile it and have the plan proved.
 
     Args:
@@ -88,7 +88,7 @@ def open_recipe(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[st
     return found
 
 
-def advise_on(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str, Any]:
+def advise_on(lab: Lab, asked: PreviewAsked, *, on_lab: bool, actor: User) -> dict[str, Any]:
     """Return what to change in a graph so that a recipe compiles on it, or why nothing helps.
 
     Raises:
@@ -109,7 +109,7 @@ class ReadRecipe:
     note: str
 
 
-def read_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> ReadRecipe:
+def read_recipe(lab: Lab, asked: PreviewAsked, *, name: str, actor: User) -> ReadRecipe:
     """Read a recipe as a workflow of the lab; it may take minutes, and stores nothing.
 
     Raises:
@@ -145,7 +145,7 @@ def keep_recipe(lab: Lab, read: ReadRecipe, *, name: str, actor: User) -> Workfl
     return save_version(row.id, note=read.note, actor=actor, proved=read.proved)
 
 
-def _with_graph(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> Asked:
+def _with_graph(lab: Lab, asked: PreviewAsked, *, on_lab: bool, actor: User) -> PreviewAsked:
     require_drawing(lab, actor)
     return replace(asked, graph=render_graph(_lab_file(lab, actor))) if on_lab else asked
 
@@ -182,7 +182,7 @@ def _place_for(actor: User) -> Iterator[None]:
             _told.notify_all()
 
 
-def _run(act: str, asked: Asked, actor: User) -> dict[str, Any]:
+def _run(act: str, asked: PreviewAsked, actor: User) -> dict[str, Any]:
     give_back_connection()
     with _place_for(actor):
         raw = _answer(act, msgspec.json.encode(asked))

@@ -13,16 +13,16 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.role_permissions import Permission
+from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import (
     DefinitionError,
     ForbiddenError,
     ProtocolError,
     RevisionError,
 )
-from labweb.domain.messages import canonical
-from labweb.domain.workflows.drafts import check_draft
-from labweb.domain.workflows.protocol import parse_workflow
+from labweb.domain.workflows.workflow_draft import check_draft
+from labweb.domain.workflows.workflow_file import parse_workflow
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows import selectors

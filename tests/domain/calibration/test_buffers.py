@@ -8,11 +8,11 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.calibration.buffers import BufferReading, buffer_ph, check_filling, points_of
-from labweb.domain.calibration.buffers_table import BUFFERS
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import Buffer, PhOrder, Reference, check_ph_order
+from labweb.domain.calibration.calibration_order import Buffer, PhOrder, Reference, check_ph_order
+from labweb.domain.calibration.calibration_result import CalibrationOutcome, Criteria, judge
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.calibration.ph_buffers import BufferReading, buffer_ph, check_filling, points_of
+from labweb.domain.calibration.ph_buffers_table import BUFFERS
 from labweb.domain.errors import StateError
 
 CRITERIA = Criteria(tolerance=0.1, least_levels=2, least_repeats=2, resolution=0.01)
@@ -35,9 +35,9 @@ def readings(
     ]
 
 
-def judged(made: list[BufferReading]) -> Result:
-    found = judge(Quantity.PH, points_of(made), CRITERIA)
-    assert isinstance(found, Result)
+def judged(made: list[BufferReading]) -> CalibrationOutcome:
+    found = judge(CalibrationQuantity.PH, points_of(made), CRITERIA)
+    assert isinstance(found, CalibrationOutcome)
     return found
 
 
@@ -63,8 +63,8 @@ def test_a_worn_out_electrode_is_not_accepted(slope: float, offset: float, code:
 
 
 def test_one_buffer_gives_no_slope() -> None:
-    found = judge(Quantity.PH, points_of(readings(1.0, buffers=("borax",))), CRITERIA)
-    assert not isinstance(found, Result)
+    found = judge(CalibrationQuantity.PH, points_of(readings(1.0, buffers=("borax",))), CRITERIA)
+    assert not isinstance(found, CalibrationOutcome)
     assert [one.code for one in found] == ["calibration.too_few_points"]
 
 

@@ -6,16 +6,16 @@ import random
 
 import pytest
 
-from labweb.domain.calibration.gravimetric import (
+from labweb.domain.calibration.calibration_result import CalibrationOutcome, Criteria, judge
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.calibration.gravimetric_volume import (
     Surroundings,
     Weighing,
     check_evaporation,
     check_surroundings,
     points_of,
 )
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.water import z_factor_ul_mg
+from labweb.domain.calibration.water_density import z_factor_ul_mg
 from labweb.domain.errors import Finding, StateError
 
 AIR = Surroundings(water_c=22.0, pressure_kpa=101.3)
@@ -53,13 +53,13 @@ def weighings(
     return made
 
 
-def judged(made: list[Weighing], *others: Finding) -> Result:
-    found = judge(Quantity.VOLUME, points_of(made, AIR, 0.4), CRITERIA, others=others)
-    assert isinstance(found, Result)
+def judged(made: list[Weighing], *others: Finding) -> CalibrationOutcome:
+    found = judge(CalibrationQuantity.VOLUME, points_of(made, AIR, 0.4), CRITERIA, others=others)
+    assert isinstance(found, CalibrationOutcome)
     return found
 
 
-def codes(result: Result) -> set[str]:
+def codes(result: CalibrationOutcome) -> set[str]:
     return {one.code for one in result.findings}
 
 
@@ -94,8 +94,8 @@ def test_without_the_full_stroke_nothing_is_extrapolated() -> None:
 
 def test_too_few_levels_and_too_few_repeats_are_all_told() -> None:
     made = weighings(levels=(500.0, 5000.0), repeats=2)
-    found = judge(Quantity.VOLUME, points_of(made, AIR, 0.4), CRITERIA)
-    assert not isinstance(found, Result)
+    found = judge(CalibrationQuantity.VOLUME, points_of(made, AIR, 0.4), CRITERIA)
+    assert not isinstance(found, CalibrationOutcome)
     assert [one.code for one in found] == ["calibration.too_few_points"] * 3
 
 
@@ -117,8 +117,8 @@ def test_a_gain_that_creeps_is_drift() -> None:
 
 def test_scatter_beyond_what_was_asked_for_is_refused() -> None:
     strict = Criteria(tolerance=1e-6, least_levels=3, least_repeats=3)
-    found = judge(Quantity.VOLUME, points_of(weighings(), AIR, 0.4), strict)
-    assert isinstance(found, Result)
+    found = judge(CalibrationQuantity.VOLUME, points_of(weighings(), AIR, 0.4), strict)
+    assert isinstance(found, CalibrationOutcome)
     assert "calibration.uncertainty" in codes(found)
 
 

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from labweb.domain.calibration.model import Calibration, Level, Quantity, correction_of
-from labweb.domain.calibration.reading import corrected
+from labweb.domain.calibration.corrected_reading import corrected
+from labweb.domain.calibration.correction import (
+    AcceptedCalibration,
+    CalibrationQuantity,
+    CorrectionLevel,
+    correction_of,
+)
 
-PROBE = Calibration(
+PROBE = AcceptedCalibration(
     id=UUID(int=3),
-    quantity=Quantity.PH,
+    quantity=CalibrationQuantity.PH,
     number=4,
     gain=1.05,
     offset=-0.35,
-    levels=(Level(value=4.0, expanded=0.04), Level(value=6.87, expanded=0.05)),
+    levels=(CorrectionLevel(value=4.0, expanded=0.04), CorrectionLevel(value=6.87, expanded=0.05)),
 )
 
 

@@ -7,27 +7,29 @@ from uuid import UUID
 import msgspec
 import pytest
 
-from labweb.domain.calibration.model import (
-    Calibration,
+from labweb.domain.calibration.correction import (
+    AcceptedCalibration,
+    CalibrationQuantity,
+    CalibrationStanding,
     Correction,
-    Level,
-    Quantity,
-    Standing,
+    CorrectionLevel,
     correction_of,
 )
-from labweb.domain.calibration.sending import check_sending
+from labweb.domain.calibration.correction_at_dispatch import check_sending
 
-PUMP = Calibration(
+PUMP = AcceptedCalibration(
     id=UUID(int=1),
-    quantity=Quantity.VOLUME,
+    quantity=CalibrationQuantity.VOLUME,
     number=3,
     gain=0.97,
-    levels=(Level(value=97.0, expanded=0.5), Level(value=970.0, expanded=2.0)),
+    levels=(CorrectionLevel(value=97.0, expanded=0.5), CorrectionLevel(value=970.0, expanded=2.0)),
 )
 
 
 def codes(
-    standing: Standing = Standing.IN_FORCE, needs: float | None = None, newest: int = 3
+    standing: CalibrationStanding = CalibrationStanding.IN_FORCE,
+    needs: float | None = None,
+    newest: int = 3,
 ) -> list[str]:
     correction: Correction = correction_of(PUMP, "volume_ul", 485.0)
     correction = msgspec.structs.replace(correction, needs=needs)
@@ -39,14 +41,14 @@ def codes(
 @pytest.mark.parametrize(
     ("standing", "unasked", "asked"),
     [
-        (Standing.IN_FORCE, [], []),
-        (Standing.EXPIRED, ["calibration.expired"], ["calibration.expired"]),
-        (Standing.CHANGED, ["calibration.changed"], ["calibration.changed"]),
-        (Standing.WITHDRAWN, ["calibration.withdrawn"], ["calibration.withdrawn"]),
+        (CalibrationStanding.IN_FORCE, [], []),
+        (CalibrationStanding.EXPIRED, ["calibration.expired"], ["calibration.expired"]),
+        (CalibrationStanding.CHANGED, ["calibration.changed"], ["calibration.changed"]),
+        (CalibrationStanding.WITHDRAWN, ["calibration.withdrawn"], ["calibration.withdrawn"]),
     ],
 )
 def test_a_number_goes_only_while_the_calibration_that_made_it_is_in_force(
-    standing: Standing, unasked: list[str], asked: list[str]
+    standing: CalibrationStanding, unasked: list[str], asked: list[str]
 ) -> None:
     assert codes(standing) == unasked
     assert codes(standing, needs=0.01) == asked
@@ -54,7 +56,7 @@ def test_a_number_goes_only_while_the_calibration_that_made_it_is_in_force(
 
 def test_a_reading_nobody_asks_an_accuracy_of_is_taken_past_the_due_date() -> None:
     read = correction_of(PUMP, "volume_ul", None)
-    known = msgspec.structs.replace(PUMP, standing=Standing.EXPIRED, reasons=("why",))
+    known = msgspec.structs.replace(PUMP, standing=CalibrationStanding.EXPIRED, reasons=("why",))
     assert check_sending("Pump", [read], {PUMP.id: known}, {}) == []
     asked = msgspec.structs.replace(read, needs=0.01)
     (finding,) = check_sending("Pump", [asked], {PUMP.id: known}, {})

@@ -9,15 +9,15 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.calibration.judge import Criteria, Result, judge
-from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import (
+from labweb.domain.calibration.calibration_order import (
     Reference,
     TemperatureOrder,
     check_certificates,
     check_temperature_order,
 )
-from labweb.domain.calibration.thermal import RESOLUTION_C, Comparison, points_of
+from labweb.domain.calibration.calibration_result import CalibrationOutcome, Criteria, judge
+from labweb.domain.calibration.correction import CalibrationQuantity
+from labweb.domain.calibration.thermometer_comparison import RESOLUTION_C, Comparison, points_of
 from labweb.domain.errors import Finding
 
 CRITERIA = Criteria(tolerance=0.5, least_levels=3, least_repeats=2, resolution=RESOLUTION_C)
@@ -44,15 +44,15 @@ def compared(
     return made
 
 
-def judged(made: list[Comparison], **changes: Any) -> Result | list[Finding]:  # noqa: ANN401
+def judged(made: list[Comparison], **changes: Any) -> CalibrationOutcome | list[Finding]:  # noqa: ANN401
     criteria = Criteria(**{name: getattr(CRITERIA, name) for name in CRITERIA.__struct_fields__}
                         | changes)  # fmt: skip
-    return judge(Quantity.TEMPERATURE, points_of(made, 0.1), criteria)
+    return judge(CalibrationQuantity.TEMPERATURE, points_of(made, 0.1), criteria)
 
 
 def test_a_probe_three_percent_and_two_kelvin_off_is_right_to_half_a_percent_of_its_span() -> None:
     result = judged(compared(lambda true_c: 1.03 * true_c + 2.0))
-    assert isinstance(result, Result)
+    assert isinstance(result, CalibrationOutcome)
     assert result.findings == ()
     assert result.gain == pytest.approx(1 / 1.03, abs=0.002)
     for true_c in SET_POINTS_C:
@@ -73,8 +73,8 @@ def test_how_far_the_probe_stood_from_its_set_point_is_part_of_the_uncertainty()
         for one in compared(lambda true_c: true_c)
     ]  # fmt: skip
     loose = judged(wandering)
-    assert isinstance(steady, Result)
-    assert isinstance(loose, Result)
+    assert isinstance(steady, CalibrationOutcome)
+    assert isinstance(loose, CalibrationOutcome)
     assert steady.findings == ()
     assert {one.code for one in loose.findings} == {"calibration.uncertainty"}
     for narrow, wide in zip(steady.levels, loose.levels, strict=True):
@@ -92,7 +92,7 @@ def test_what_a_slope_and_an_offset_do_not_correct_is_found(
     told: Callable[[float], float], code: str
 ) -> None:
     result = judged(compared(told))
-    assert isinstance(result, Result)
+    assert isinstance(result, CalibrationOutcome)
     assert code in {one.code for one in result.findings}
 
 
@@ -111,7 +111,7 @@ def test_a_reference_that_wandered_between_readings_makes_the_result_too_uncerta
         for place, one in enumerate(compared(lambda true_c: true_c))
     ]  # fmt: skip
     result = judged(made)
-    assert isinstance(result, Result)
+    assert isinstance(result, CalibrationOutcome)
     assert "calibration.uncertainty" in {one.code for one in result.findings}
 
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from uuid import UUID, uuid5
 
-from labweb.domain.crutd.decide import Outcome, OutcomeKind, ResourceState, settle
 from labweb.domain.crutd.operations import Operation
-from labweb.domain.crutd.tips import find_tip
+from labweb.domain.crutd.pipette_tips import find_tip
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind, ResourceState, settle
 from labweb.domain.resources.contents import LotId, add, remove, total_nl
-from labweb.domain.resources.node import Resource
+from labweb.domain.resources.resource import Resource
 
 CHANNEL = uuid5(UUID(int=0), "channel")
 

@@ -7,7 +7,7 @@ from uuid import UUID, uuid5
 import msgspec
 import pytest
 
-from labweb.domain.crutd.balance import LotFacts, Move, find_yields, mass_balance
+from labweb.domain.crutd.mass_balance import LotFacts, MassMove, find_yields, mass_balance
 from labweb.domain.crutd.operations import Product, React, Share
 from labweb.domain.resources.contents import LotId, Phase
 
@@ -46,7 +46,10 @@ def reaction(consumed: str, made: str, *, nl: int, basis: bool = True) -> React:
 
 def test_what_passes_through_a_syringe_is_on_neither_side() -> None:
     syringe = str(uuid5(SPACE, "syringe"))
-    moves = [Move(lot("ether"), BOTTLE, syringe, 1000), Move(lot("ether"), syringe, FLASK, 1000)]
+    moves = [
+        MassMove(lot("ether"), BOTTLE, syringe, 1000),
+        MassMove(lot("ether"), syringe, FLASK, 1000),
+    ]
     balance = mass_balance(moves, facts())
     assert [(c.account, c.total_ug) for c in balance.taken] == [(BOTTLE, -700)]
     assert [(c.account, c.total_ug) for c in balance.brought] == [(FLASK, 700)]
@@ -55,9 +58,9 @@ def test_what_passes_through_a_syringe_is_on_neither_side() -> None:
 
 def test_the_residue_of_a_reaction_closes_the_balance() -> None:
     moves = [
-        Move(lot("acid"), BOTTLE, FLASK, 10_000),
-        Move(lot("acid"), FLASK, "REACTION", 10_000),
-        Move(lot("ester"), "REACTION", FLASK, 8000),
+        MassMove(lot("acid"), BOTTLE, FLASK, 10_000),
+        MassMove(lot("acid"), FLASK, "REACTION", 10_000),
+        MassMove(lot("ester"), "REACTION", FLASK, 8000),
     ]
     balance = mass_balance(moves, facts())
     brought = {change.account: change.total_ug for change in balance.brought}
@@ -66,7 +69,7 @@ def test_the_residue_of_a_reaction_closes_the_balance() -> None:
 
 
 def test_a_lot_without_density_is_named_and_counted_on_neither_side() -> None:
-    balance = mass_balance([Move(lot("dye"), BOTTLE, FLASK, 1000)], facts())
+    balance = mass_balance([MassMove(lot("dye"), BOTTLE, FLASK, 1000)], facts())
     assert balance.unknown == (lot("dye"),)
     assert balance.taken == balance.brought == ()
 

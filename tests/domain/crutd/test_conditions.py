@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.crutd.conditions import (
+from labweb.domain.crutd.pre_and_postconditions import (
     Condition,
-    Verdict,
+    ConditionVerdict,
     Verification,
     evaluate,
     sees_tag,
@@ -41,7 +41,7 @@ def vial_seen(**fields: Any) -> Condition:  # noqa: ANN401
 def test_a_camera_that_is_sure_confirms_and_keeps_its_image() -> None:
     now = readings(tag="VIAL-7", confidence=0.97, image_sha256=IMAGE)
     result = evaluate(vial_seen(), now, {})
-    assert result.verdict is Verdict.PASS
+    assert result.verdict is ConditionVerdict.PASS
     assert result.evidence == {
         "status": "tag", "value": "VIAL-7", "wanted": "VIAL-7", "image_sha256": IMAGE,
         "camera_id": str(CAMERA), "confidence": 0.97, "min_confidence": 0.9,
@@ -51,7 +51,7 @@ def test_a_camera_that_is_sure_confirms_and_keeps_its_image() -> None:
 
 def test_a_camera_that_sees_another_tag_refuses() -> None:
     now = readings(tag="VIAL-8", confidence=0.97, image_sha256=IMAGE)
-    assert evaluate(vial_seen(), now, {}).verdict is Verdict.FAIL
+    assert evaluate(vial_seen(), now, {}).verdict is ConditionVerdict.FAIL
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_camera_that_sees_another_tag_refuses() -> None:
 def test_a_camera_that_is_not_sure_or_kept_no_image_saw_nothing(values: dict[str, Any]) -> None:
     now = readings(**{"tag": "VIAL-7", "confidence": 0.97, "image_sha256": IMAGE} | values)
     result = evaluate(vial_seen(), now, {})
-    assert result.verdict is Verdict.UNOBSERVABLE
+    assert result.verdict is ConditionVerdict.UNOBSERVABLE
     assert verification_of([(vial_seen(), result)], reported=True) is Verification.DEVICE
     assert verification_of([(vial_seen(), result)], reported=False) is Verification.ASSUMED
 
@@ -90,17 +90,17 @@ SIGHTING = {
 @pytest.mark.parametrize(
     ("fields", "verdict"),
     [
-        ({}, Verdict.PASS),
-        ({"tag": "VIAL-8"}, Verdict.FAIL),
-        ({"tag": ""}, Verdict.FAIL),
-        ({"tag": None}, Verdict.UNOBSERVABLE),
-        ({"tag_confidence_ratio": 0.89}, Verdict.UNOBSERVABLE),
-        ({"tag": "VIAL-8", "tag_confidence_ratio": 0.89}, Verdict.UNOBSERVABLE),
-        ({"image_sha256": None}, Verdict.UNOBSERVABLE),
+        ({}, ConditionVerdict.PASS),
+        ({"tag": "VIAL-8"}, ConditionVerdict.FAIL),
+        ({"tag": ""}, ConditionVerdict.FAIL),
+        ({"tag": None}, ConditionVerdict.UNOBSERVABLE),
+        ({"tag_confidence_ratio": 0.89}, ConditionVerdict.UNOBSERVABLE),
+        ({"tag": "VIAL-8", "tag_confidence_ratio": 0.89}, ConditionVerdict.UNOBSERVABLE),
+        ({"image_sha256": None}, ConditionVerdict.UNOBSERVABLE),
     ],
 )
 def test_one_sighting_tells_tag_confidence_and_image_together(
-    fields: dict[str, Any], verdict: Verdict
+    fields: dict[str, Any], verdict: ConditionVerdict
 ) -> None:
     now = spread(CAMERA, "sighting", SIGHTING | fields)
     assert evaluate(sees_tag(CAMERA, "VIAL-7", min_confidence=0.9), now, {}).verdict is verdict
@@ -109,14 +109,14 @@ def test_one_sighting_tells_tag_confidence_and_image_together(
 def test_an_empty_place_has_to_be_seen() -> None:
     empty = sees_vessel(CAMERA, is_present=False, min_confidence=0.9)
     for is_present, sure, verdict in [
-        (False, 0.95, Verdict.PASS),
-        (True, 0.95, Verdict.FAIL),
-        (None, 0.0, Verdict.UNOBSERVABLE),
-        (False, 0.5, Verdict.UNOBSERVABLE),
+        (False, 0.95, ConditionVerdict.PASS),
+        (True, 0.95, ConditionVerdict.FAIL),
+        (None, 0.0, ConditionVerdict.UNOBSERVABLE),
+        (False, 0.5, ConditionVerdict.UNOBSERVABLE),
     ]:
         fields = {"is_present": is_present, "presence_confidence_ratio": sure}
         assert evaluate(empty, spread(CAMERA, "sighting", SIGHTING | fields), {}).verdict is verdict
-    assert evaluate(empty, {}, {}).verdict is Verdict.UNOBSERVABLE
+    assert evaluate(empty, {}, {}).verdict is ConditionVerdict.UNOBSERVABLE
 
 
 def limits(**fields: Any) -> Condition:  # noqa: ANN401
@@ -126,22 +126,22 @@ def limits(**fields: Any) -> Condition:  # noqa: ANN401
 @pytest.mark.parametrize(
     ("condition", "value", "verdict"),
     [
-        (limits(low=1, high=2), 2.0, Verdict.PASS),
-        (limits(low=1, high=2, tolerance=0.5), 2.5, Verdict.PASS),
-        (limits(low=1, high=2), 2.1, Verdict.FAIL),
-        (limits(low=1), "2", Verdict.UNOBSERVABLE),
-        (limits(low=1), float("nan"), Verdict.UNOBSERVABLE),
-        (limits(high=1), float("-inf"), Verdict.UNOBSERVABLE),
-        (limits(low=1), True, Verdict.UNOBSERVABLE),
-        (limits(equals=1), True, Verdict.FAIL),
-        (limits(equals=True), 1, Verdict.FAIL),
-        (limits(equals=False), False, Verdict.PASS),
-        (limits(change=5, tolerance=1), 15.5, Verdict.PASS),
-        (limits(change=5, tolerance=1), 16.5, Verdict.FAIL),
+        (limits(low=1, high=2), 2.0, ConditionVerdict.PASS),
+        (limits(low=1, high=2, tolerance=0.5), 2.5, ConditionVerdict.PASS),
+        (limits(low=1, high=2), 2.1, ConditionVerdict.FAIL),
+        (limits(low=1), "2", ConditionVerdict.UNOBSERVABLE),
+        (limits(low=1), float("nan"), ConditionVerdict.UNOBSERVABLE),
+        (limits(high=1), float("-inf"), ConditionVerdict.UNOBSERVABLE),
+        (limits(low=1), True, ConditionVerdict.UNOBSERVABLE),
+        (limits(equals=1), True, ConditionVerdict.FAIL),
+        (limits(equals=True), 1, ConditionVerdict.FAIL),
+        (limits(equals=False), False, ConditionVerdict.PASS),
+        (limits(change=5, tolerance=1), 15.5, ConditionVerdict.PASS),
+        (limits(change=5, tolerance=1), 16.5, ConditionVerdict.FAIL),
     ],
 )
 def test_a_reading_is_judged_by_what_it_is(
-    condition: Condition, value: object, verdict: Verdict
+    condition: Condition, value: object, verdict: ConditionVerdict
 ) -> None:
     assert evaluate(condition, readings(value=value), readings(value=10.0)).verdict is verdict
 
@@ -149,7 +149,7 @@ def test_a_reading_is_judged_by_what_it_is(
 @pytest.mark.parametrize("before", [None, "ten", float("nan")])
 def test_a_change_from_nothing_known_is_unobservable(before: object) -> None:
     result = evaluate(limits(change=5), readings(value=15.0), readings(value=before))
-    assert result.verdict is Verdict.UNOBSERVABLE
+    assert result.verdict is ConditionVerdict.UNOBSERVABLE
 
 
 JSON = st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.integers())
@@ -161,7 +161,7 @@ def test_whatever_is_read_there_is_a_verdict(
 ) -> None:
     now = readings(value=value, tag=value, confidence=other, image_sha256=other)
     result = evaluate(condition, now, readings(value=before))
-    if result.verdict is Verdict.PASS:
+    if result.verdict is ConditionVerdict.PASS:
         assert isinstance(value, int | float)
 
 

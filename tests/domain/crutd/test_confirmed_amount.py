@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.crutd.decide import confirmed_nl
+from labweb.domain.crutd.settlement import confirmed_nl
 
 STEP_NL = 1667
 

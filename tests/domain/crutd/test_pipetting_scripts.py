@@ -16,12 +16,12 @@ from uuid import UUID, uuid5
 
 import pytest
 
-from labweb.domain.crutd import tips
+from labweb.domain.crutd import pipette_tips
 from labweb.domain.crutd.operations import Operation
 from labweb.domain.errors import Finding, PreconditionError
+from labweb.domain.resources.labware.labware_resources import LabwareIdentity, part_resources
 from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
-from labweb.domain.resources.labware.rows import Identity, part_resources
-from labweb.domain.resources.node import Resource
+from labweb.domain.resources.resource import Resource
 from tests.corpus import LABWARE, NO_LABWARE
 from tests.domain.crutd.pipetting import CHANNEL, Record
 from tests.domain.resources.labware_files import PYLABROBOT, load
@@ -56,7 +56,7 @@ DECK = uuid5(UUID(int=0), "deck")
 def rows_of(deck: str) -> tuple[Resource, ...]:
     part, notes = parse_pylabrobot(load(PYLABROBOT / f"plr_deck_{deck}.json"))
     assert notes == []
-    identity = Identity(id=DECK, key="deck", name="Deck", parent_id=None)
+    identity = LabwareIdentity(id=DECK, key="deck", name="Deck", parent_id=None)
     return part_resources(part, identity, partial(uuid5, DECK), full_racks={"tips"})
 
 
@@ -108,12 +108,14 @@ class Script:
                 spot = self.id(step["tip"])
                 if self.record.tip is None:
                     self.home = spot
-                return [lambda: tips.mount(spot, CHANNEL, states)]
+                return [lambda: pipette_tips.mount(spot, CHANNEL, states)]
             case "drop":
                 assert step["to"] == "return"
                 assert self.home is not None
                 home, is_agreed = self.home, step["allow_nonzero_volume"]
-                return [lambda: tips.put_away(CHANNEL, home, states, may_hold_liquid=is_agreed)]
+                return [
+                    lambda: pipette_tips.put_away(CHANNEL, home, states, may_hold_liquid=is_agreed)
+                ]
             case "asp":
                 return [self.draw(step["well"], step["vol"])]
             case "disp":
@@ -124,10 +126,10 @@ class Script:
         return [self.draw(step["source"], sum(step["target_vols"])), *given]
 
     def draw(self, well: str, volume_ul: float) -> Callable[[], Operation]:
-        return lambda: tips.draw(CHANNEL, self.id(well), nl(volume_ul), self.record.states)
+        return lambda: pipette_tips.draw(CHANNEL, self.id(well), nl(volume_ul), self.record.states)
 
     def give(self, well: str, volume_ul: float) -> Callable[[], Operation]:
-        return lambda: tips.give(CHANNEL, self.id(well), nl(volume_ul), self.record.states)
+        return lambda: pipette_tips.give(CHANNEL, self.id(well), nl(volume_ul), self.record.states)
 
 
 def nl(volume_ul: float) -> int:

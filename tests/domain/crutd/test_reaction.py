@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind, check, settle
 from labweb.domain.crutd.ledger import book, unbalanced
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import Product, React, Share
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind, check, settle
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import StateError
 from labweb.domain.resources.contents import LotId, Phase
 

@@ -10,6 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from labweb.domain.crutd.event_replay import (
+    Dated,
+    Happening,
+    Replay,
+    as_of,
+    begin,
+    differences,
+    fold,
+)
 from labweb.domain.crutd.ledger import (
     Account,
     Amount,
@@ -21,20 +30,11 @@ from labweb.domain.crutd.ledger import (
     vessel_of,
     vessels_of,
 )
-from labweb.domain.crutd.replay import (
-    Dated,
-    Happening,
-    Replay,
-    as_of,
-    begin,
-    differences,
-    fold,
-)
 from labweb.domain.errors import ReconcileError
-from labweb.domain.graph.lab_file.model import LabFile, Mode
+from labweb.domain.graph.lab_file.lab_model import LabFile, LabMode
 from labweb.domain.resources.contents import LotId, Phase
-from labweb.domain.resources.kinds import Nature
-from labweb.domain.resources.node import Resource
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import Nature
 
 LAB, BENCH, BOTTLE, FLASK = (UUID(int=number) for number in range(1, 5))
 WATER = LotId("water")
@@ -51,7 +51,7 @@ def lab() -> LabFile:
         )
         for node in PARENTS
     )  # fmt: skip
-    return LabFile(id=LAB, name="Lab", time_zone="UTC", mode=Mode.SIM, resources=nodes)
+    return LabFile(id=LAB, name="Lab", time_zone="UTC", mode=LabMode.SIM, resources=nodes)
 
 
 def event(seq: int, transaction: str = "t", **change: Any) -> Happening:  # noqa: ANN401

@@ -11,10 +11,10 @@ from uuid import UUID, uuid5
 
 import pytest
 
-from labweb.domain.crutd import tips
+from labweb.domain.crutd import pipette_tips
 from labweb.domain.errors import PreconditionError
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.node import Resource
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import KINDS
 from tests.domain.crutd.pipetting import CHANNEL, Record
 
 
@@ -58,52 +58,58 @@ def refused(act: Callable[..., object], *args: object, **options: object) -> lis
 
 def test_liquid_goes_from_well_to_tip_to_well_and_none_is_lost(bench: Record) -> None:
     before = bench.total_nl()
-    bench.carry_out(tips.mount(an_id("spot_1"), CHANNEL, bench.states))
-    bench.carry_out(tips.draw(CHANNEL, an_id("source"), 30_000, bench.states))
+    bench.carry_out(pipette_tips.mount(an_id("spot_1"), CHANNEL, bench.states))
+    bench.carry_out(pipette_tips.draw(CHANNEL, an_id("source"), 30_000, bench.states))
     assert bench.held_nl(an_id("tip_1")) == 30_000
-    bench.carry_out(tips.give(CHANNEL, an_id("target"), 10_000, bench.states))
+    bench.carry_out(pipette_tips.give(CHANNEL, an_id("target"), 10_000, bench.states))
     assert bench.held_nl(an_id("target")) == 360_000
     assert bench.total_nl() == before
 
 
 def test_nothing_is_drawn_or_given_without_a_tip(bench: Record) -> None:
-    assert refused(tips.draw, CHANNEL, an_id("source"), 1, bench.states) == ["crutd.no_tip"]
-    assert refused(tips.give, CHANNEL, an_id("target"), 1, bench.states) == ["crutd.no_tip"]
-    assert refused(tips.put_away, CHANNEL, an_id("spot_1"), bench.states) == ["crutd.no_tip"]
+    assert refused(pipette_tips.draw, CHANNEL, an_id("source"), 1, bench.states) == ["crutd.no_tip"]
+    assert refused(pipette_tips.give, CHANNEL, an_id("target"), 1, bench.states) == ["crutd.no_tip"]
+    assert refused(pipette_tips.put_away, CHANNEL, an_id("spot_1"), bench.states) == [
+        "crutd.no_tip"
+    ]
 
 
 def test_a_channel_takes_one_tip(bench: Record) -> None:
-    bench.carry_out(tips.mount(an_id("spot_1"), CHANNEL, bench.states))
-    assert refused(tips.mount, an_id("spot_2"), CHANNEL, bench.states) == ["crutd.has_tip"]
-    both = refused(tips.mount, an_id("spot_1"), CHANNEL, bench.states)
+    bench.carry_out(pipette_tips.mount(an_id("spot_1"), CHANNEL, bench.states))
+    assert refused(pipette_tips.mount, an_id("spot_2"), CHANNEL, bench.states) == ["crutd.has_tip"]
+    both = refused(pipette_tips.mount, an_id("spot_1"), CHANNEL, bench.states)
     assert both == ["crutd.has_tip", "crutd.no_tip"]
 
 
 def test_a_spot_takes_one_tip(bench: Record) -> None:
-    bench.carry_out(tips.mount(an_id("spot_1"), CHANNEL, bench.states))
-    assert refused(tips.put_away, CHANNEL, an_id("spot_2"), bench.states) == ["crutd.has_tip"]
-    bench.carry_out(tips.put_away(CHANNEL, an_id("spot_1"), bench.states))
+    bench.carry_out(pipette_tips.mount(an_id("spot_1"), CHANNEL, bench.states))
+    assert refused(pipette_tips.put_away, CHANNEL, an_id("spot_2"), bench.states) == [
+        "crutd.has_tip"
+    ]
+    bench.carry_out(pipette_tips.put_away(CHANNEL, an_id("spot_1"), bench.states))
     assert bench.tip is None
 
 
 def test_a_tip_that_holds_liquid_is_put_away_only_if_a_person_agrees(bench: Record) -> None:
-    bench.carry_out(tips.mount(an_id("spot_1"), CHANNEL, bench.states))
-    bench.carry_out(tips.draw(CHANNEL, an_id("source"), 50_000, bench.states))
+    bench.carry_out(pipette_tips.mount(an_id("spot_1"), CHANNEL, bench.states))
+    bench.carry_out(pipette_tips.draw(CHANNEL, an_id("source"), 50_000, bench.states))
     spot = an_id("spot_1")
-    assert refused(tips.put_away, CHANNEL, spot, bench.states) == ["crutd.tip_holds_liquid"]
+    assert refused(pipette_tips.put_away, CHANNEL, spot, bench.states) == ["crutd.tip_holds_liquid"]
     before = bench.total_nl()
-    bench.carry_out(tips.put_away(CHANNEL, spot, bench.states, may_hold_liquid=True))
+    bench.carry_out(pipette_tips.put_away(CHANNEL, spot, bench.states, may_hold_liquid=True))
     assert bench.tip is None
     assert bench.held_nl(an_id("tip_1")) == 50_000
     assert bench.total_nl() == before
 
 
 def test_a_draw_is_refused_for_the_well_and_for_the_tip_at_once(bench: Record) -> None:
-    bench.carry_out(tips.mount(an_id("spot_1"), CHANNEL, bench.states))
-    codes = refused(tips.draw, CHANNEL, an_id("source"), 301_000, bench.states)
+    bench.carry_out(pipette_tips.mount(an_id("spot_1"), CHANNEL, bench.states))
+    codes = refused(pipette_tips.draw, CHANNEL, an_id("source"), 301_000, bench.states)
     assert codes == ["crutd.insufficient_volume", "crutd.capacity_exceeded"]
 
 
 def test_a_tip_is_not_put_where_nothing_can_stand(bench: Record) -> None:
-    bench.carry_out(tips.mount(an_id("spot_1"), CHANNEL, bench.states))
-    assert refused(tips.put_away, CHANNEL, an_id("source"), bench.states) == ["crutd.no_place"]
+    bench.carry_out(pipette_tips.mount(an_id("spot_1"), CHANNEL, bench.states))
+    assert refused(pipette_tips.put_away, CHANNEL, an_id("source"), bench.states) == [
+        "crutd.no_place"
+    ]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.enrollment.changes import MOST_LINES, ModuleChange, compare
+from labweb.domain.enrollment.driver_source_diff import MOST_LINES, ModuleChange, compare
 from labweb.domain.errors import DefinitionError
 
 TEXT = st.lists(st.sampled_from(["", "a = 1", "b = 2", "def f():", "    return"]), max_size=40)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.enrollment.claims import (
+from labweb.domain.enrollment.announcement_trust import (
     KEY_CHANGED_AFTER_S,
     LONGEST_GAP_S,
     heard_alone_since,

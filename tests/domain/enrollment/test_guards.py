@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from labweb.domain.enrollment.guards import Guards, guards_of, watchdog_s
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec
+from labweb.domain.enrollment.action_guards import Guards, guards_of, watchdog_s
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec
 
 SPEC = DriverSpec(class_name="Plate", module="", digest="", safe_state="heater off")
 HEAT = ActionSpec(

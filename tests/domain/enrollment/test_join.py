@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.enrollment.join import (
+from labweb.domain.enrollment.host_join import (
     CODE_SIGNS,
     Token,
     code_of,

@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.enrollment.kept import (
+from labweb.domain.enrollment.setpoint_readback import (
     SURE_S,
     TAKE_S,
-    Kept,
+    KeptReading,
+    ReadbackVerdict,
     Seen,
-    Sort,
     kept_by,
     look,
     setting_actions,
     unread_since_s,
 )
-from labweb.domain.runs.halting import sort_of
+from labweb.domain.runs.halts.halted_setpoints import sort_of
 
-HEAT = Kept(status="temperature_setpoint_c", sort=Sort.SETPOINT, asked=60.0)
-ON = Kept(status="is_controlling", sort=Sort.SWITCH, asked=True)
-STIRS = Kept(status="speed_rpm", sort=Sort.MOTION, asked=400.0)
+HEAT = KeptReading(status="temperature_setpoint_c", sort=ReadbackVerdict.SETPOINT, asked=60.0)
+ON = KeptReading(status="is_controlling", sort=ReadbackVerdict.SWITCH, asked=True)
+STIRS = KeptReading(status="speed_rpm", sort=ReadbackVerdict.MOTION, asked=400.0)
 
 
-def seen_of(kept: Kept, *readings: tuple[float, object]) -> Seen:
+def seen_of(kept: KeptReading, *readings: tuple[float, object]) -> Seen:
     seen = Seen()
     for at_s, value in readings:
         seen = look(kept, seen, value, at_s)

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.enrollment.look import judge_look
-from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec, StatusSpec
+from labweb.domain.enrollment.device_look import judge_look
+from labweb.domain.enrollment.driver_spec import DriverSpec, ParameterSpec, StatusSpec
 
 SPEC = DriverSpec(
     class_name="Probe",

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import msgspec
 
-from labweb.domain.enrollment.returning import (
-    Admitted,
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
+from labweb.domain.enrollment.returning_device import (
+    KnownDevice,
     compare_capabilities,
     compare_identity,
 )
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
 
-WAS = Admitted(
+WAS = KnownDevice(
     driver_digest="a" * 64,
     transport="tcp://192.0.2.9:5000",
     host="bench_1",
@@ -40,7 +40,7 @@ def test_what_is_as_it_was_is_no_difference() -> None:
 
 
 def test_each_thing_that_is_another_one_is_named() -> None:
-    now = Admitted(
+    now = KnownDevice(
         driver_digest="b" * 64,
         transport="tcp://192.0.2.10:5000",
         host="bench_2",

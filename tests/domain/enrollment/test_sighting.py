@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.enrollment.admission import admitted_spec, check_admission, refusal
-from labweb.domain.enrollment.sighting import (
+from labweb.domain.enrollment.admitted_interface import admitted_spec, check_admission, refusal
+from labweb.domain.enrollment.device_announcements import (
     beacon_bytes,
     expand_addresses,
     is_key,
@@ -23,9 +23,14 @@ from labweb.domain.enrollment.sighting import (
     parse_beacon,
     sighting_of,
 )
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, check_arguments
+from labweb.domain.enrollment.driver_spec import (
+    ActionSpec,
+    DriverSpec,
+    ParameterSpec,
+    check_arguments,
+)
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 
 PLAIN: dict[str, Any] = {"labweb": 1, "name": "Stirrer", "port": 5000}
 KEY = base64.b64encode(bytes(range(32))).decode()

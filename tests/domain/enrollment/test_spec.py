@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.dimensions import DIMENSIONS
-from labweb.domain.enrollment.spec import (
+from labweb.domain.enrollment.driver_spec import (
     UNITS,
     ActionSpec,
     DriverSpec,

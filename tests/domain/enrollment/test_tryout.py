@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec
-from labweb.domain.enrollment.tryout import Act, fitting, labelled, tried
-from labweb.domain.messages import SimulatedModel
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec
+from labweb.domain.enrollment.driver_tryout import AnsweredWish, fitting, labelled, tried
+from labweb.domain.messages.driver_tryouts import SimulatedModel
 
 SPEC = DriverSpec(
     class_name="Loop",
@@ -39,13 +39,13 @@ def test_models_of_another_class_or_carrier_do_not_fit_and_the_namesake_comes_fi
 
 def test_an_action_counts_when_it_ended_well_while_no_fault_was_in_force() -> None:
     acts = [
-        Act(sort="act", name="heat", is_ok=True),
-        Act(sort="act", name="hold", is_ok=True, has_faults=True),
-        Act(sort="act", name="halt", is_ok=False, has_faults=True),
-        Act(sort="act", name="hold", is_ok=False),
-        Act(sort="fault", name="busy", is_ok=True),
-        Act(sort="fault", name="stall", is_ok=False),
-        Act(sort="read", name="", is_ok=True, has_faults=True),
+        AnsweredWish(sort="act", name="heat", is_ok=True),
+        AnsweredWish(sort="act", name="hold", is_ok=True, has_faults=True),
+        AnsweredWish(sort="act", name="halt", is_ok=False, has_faults=True),
+        AnsweredWish(sort="act", name="hold", is_ok=False),
+        AnsweredWish(sort="fault", name="busy", is_ok=True),
+        AnsweredWish(sort="fault", name="stall", is_ok=False),
+        AnsweredWish(sort="read", name="", is_ok=True, has_faults=True),
     ]
     found = tried(SPEC, acts)
     assert (found.actions, found.left_out) == (("heat",), ("hold", "halt"))

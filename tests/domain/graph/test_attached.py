@@ -6,8 +6,8 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.graph.attached import LOOSE, check_loose, find_attachments, that_hold
-from labweb.domain.graph.topology import Connection, Medium, PortRef
+from labweb.domain.graph.attachments import LOOSE, check_loose, find_attachments, that_hold
+from labweb.domain.graph.ports_and_connections import Connection, Medium, PortRef
 
 RACK, VIAL, VALVE = UUID(int=1), UUID(int=2), UUID(int=3)
 

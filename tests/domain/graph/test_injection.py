@@ -8,10 +8,10 @@ import msgspec
 import pytest
 
 from drivers.load import read_spec
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.graph.injection import injected
-from labweb.domain.graph.lab_file.config import check_config
-from labweb.domain.graph.refit import decision_of, find_changes, list_changes
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.graph.device_parts import injected
+from labweb.domain.graph.device_parts_changes import decision_of, find_changes, list_changes
+from labweb.domain.graph.lab_file.resource_config import check_config
 
 CONFIGS: dict[str, dict[str, float]] = {
     "drivers.connectors.tricontinent_c3000": {"syringe_ul": 5000.0, "ports_count": 8},

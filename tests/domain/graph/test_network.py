@@ -3,15 +3,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from labweb.domain.graph.chain import Wanted, find_chain
-from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.network import Network, explore
-from labweb.domain.graph.topology import Medium
-from labweb.domain.workflows.passes.backbone import find_interval
+from labweb.domain.graph.elements import Element, ElementRole, Tube
+from labweb.domain.graph.port_network import Network, explore
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.syringe_chain import WantedChain, find_chain
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import find_interval
 
 ROLES = {
-    "v": Role.VALVE, "p": Role.PUMP, "s": Role.SOLENOID, "m": Role.MANIFOLD, "c": Role.CARTRIDGE,
-    "f": Role.VESSEL,
+    "v": ElementRole.VALVE, "p": ElementRole.PUMP, "s": ElementRole.SOLENOID,
+    "m": ElementRole.MANIFOLD,
+    "c": ElementRole.CARTRIDGE, "f": ElementRole.VESSEL,
 }  # fmt: skip
 
 
@@ -58,7 +59,7 @@ def hops(net: Network, start: str, *passable: str) -> list[str]:
 
 
 def way(net: Network, source: str, target: str, **more: Any) -> list[str] | None:  # noqa: ANN401
-    chain = find_chain(net, Wanted(source=net.index[source], target=net.index[target], **more))
+    chain = find_chain(net, WantedChain(source=net.index[source], target=net.index[target], **more))
     return None if chain is None else [net.elements[pump].key for pump in chain.pumps]
 
 
@@ -73,7 +74,9 @@ def test_a_hop_ends_at_each_port_that_a_syringe_can_push_to() -> None:
 
 def test_a_vessel_is_left_by_each_of_its_ports() -> None:
     net = network("f1:a > v1:1", "f1:b > v1:2", "v1:c = p1:0", "v1:3 > f2:a")
-    chain = find_chain(net, Wanted(source=net.index["f1"], target=net.index["f2"], source_port="b"))
+    chain = find_chain(
+        net, WantedChain(source=net.index["f1"], target=net.index["f2"], source_port="b")
+    )
     assert chain is not None
     assert chain.hops[0].settings == ((net.index["v1"], "2"),)
 
@@ -131,7 +134,9 @@ def test_a_manifold_and_a_cartridge_are_passed_only_when_asked() -> None:
     )  # fmt: skip
     assert way(net, "f1", "f2") is None
     for key in ("c1", "c2"):
-        wanted = Wanted(source=net.index["f1"], target=net.index["f2"], through=(net.index[key],))
+        wanted = WantedChain(
+            source=net.index["f1"], target=net.index["f2"], through=(net.index[key],)
+        )
         chain = find_chain(net, wanted)
         assert chain is not None
         assert net.index[key] in chain.hops[-1].passed
@@ -143,8 +148,8 @@ def test_strokes_follow_each_other_as_closely_as_what_they_share_allows() -> Non
     for n in range(4):
         tubes += [f"v{n}:2 = v{n + 1}:1", f"v{n + 1}:c = p{n + 1}:0"]
     net = network(*tubes, "v4:3 > f2:0", "v0:3 > f3:0")
-    far = find_chain(net, Wanted(source=net.index["f1"], target=net.index["f2"]))
-    near = find_chain(net, Wanted(source=net.index["f1"], target=net.index["f3"]))
+    far = find_chain(net, WantedChain(source=net.index["f1"], target=net.index["f2"]))
+    near = find_chain(net, WantedChain(source=net.index["f1"], target=net.index["f3"]))
     assert far is not None
     assert near is not None
     assert (len(far.hops), find_interval(far.hops)) == (6, 2)

@@ -10,11 +10,11 @@ import pytest
 
 from drivers.catalog.inspect import PACKAGE, known_interfaces
 from drivers.catalog.scan import scan
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.graph.injection import injected, list_reasons
-from labweb.domain.graph.lab_file.config import check_config
-from labweb.domain.graph.parts_of_roles import SORTS, WITHOUT_PARTS
-from labweb.domain.resources.kinds import KINDS, Nature, is_vessel
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.graph.device_parts import injected, list_reasons
+from labweb.domain.graph.device_parts_by_role import SORTS, WITHOUT_PARTS
+from labweb.domain.graph.lab_file.resource_config import check_config
+from labweb.domain.resources.resource_kinds import KINDS, Nature, is_vessel
 
 ROLES = sorted(interface.role for interface in known_interfaces().values())
 SPECS = scan(PACKAGE).drivers

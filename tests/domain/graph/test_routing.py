@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import NoRouteError
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.graph.routing import Route, ValvePosition, find_route
-from labweb.domain.graph.topology import Medium
 from tests.domain.workflows.bench import Bench, id_of
 
 

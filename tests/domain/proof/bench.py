@@ -18,10 +18,10 @@ import json
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import check_plan, execute
-from labweb.domain.proof.plan import parse_plan
-from labweb.domain.proof.state import State
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import check_plan, execute
+from labweb.domain.proof.plan_read import parse_plan
+from labweb.domain.proof.plan_state import State
 
 CLASSES = {
     "valve_1": "ChemputerValve",

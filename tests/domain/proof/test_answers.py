@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.proof.plumbing import Plumbing
-from labweb.domain.proof.request import check_answer
+from labweb.domain.proof.transfer_judge import check_answer
 from tests.domain.proof.bench import act, draw, port, push
 from tests.domain.recipes.rigs import ask, chemputer, rig_of
 

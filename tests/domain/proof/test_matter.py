@@ -7,8 +7,8 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labweb.domain.proof.matter import UNITS_PER_NL, Contents, Range
-from labweb.domain.proof.state import State
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.plan_state import State
 from tests.domain.proof.bench import by_hand, carry, plan, run, shift, step
 from tests.domain.proof.plans import (
     EMPTY,

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import bench, compiled, unproved
 from tests.domain.recipes.plans import recipe as on_bench
 from tests.domain.recipes.test_advice_on_labs import ADD, recipe
@@ -65,7 +65,7 @@ def test_a_plan_that_calls_what_is_in_a_vessel_by_another_name_is_refused() -> N
 
 
 def test_a_plan_may_begin_with_more_than_the_graph_says() -> None:
-    wish = Wish(holds_nl={"separator": {"ether": 5_000_000}})
+    wish = CompileWish(holds_nl={"separator": {"ether": 5_000_000}})
     assert compiled(on_bench(FILL), bench(), wish)["contents"]["separator"]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabFileError, ProtocolError
-from labweb.domain.proof.plan import parse_plan
+from labweb.domain.proof.plan_read import parse_plan
 from tests.domain.proof import plans as right
 from tests.domain.proof import wrong_claims, wrong_strokes
 from tests.domain.proof.bench import (

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from labweb.domain.errors import Finding, ProtocolError
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.recipe import Recipe
-from labweb.domain.recipes.xdl.spec import STEPS, StepTable, step_spec
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.tables.step_spec import STEPS, StepTable, step_spec
 from tests.corpus import XDL
 
 HARDWARE = '<Component id="reactor" type="reactor"/><Component id="flask" type="flask"/>'

@@ -15,11 +15,11 @@ from typing import Any
 
 from benchmarks.corpus_volumes import NO_REAGENT
 from labweb.domain.errors import LabError
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.advise.search import Advice, advise
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.corpus import XDL
 from tests.domain.recipes.plans import compiled
 from tests.domain.recipes.test_recipe_corpus import (

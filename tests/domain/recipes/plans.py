@@ -9,14 +9,14 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import check_plan
-from labweb.domain.proof.plan import parse_plan
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import check_plan
+from labweb.domain.proof.plan_read import parse_plan
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish, compile_recipe
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document, refusal
+from labweb.domain.recipes.recipe_to_plan import CompileWish, compile_recipe
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document, refusal
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.domain.recipes.rigs import chemputer
 from tests.judge.play import play
 from tests.judge.reading import read_json
@@ -76,7 +76,9 @@ def recipe(*steps: str, hardware: str = "", reagents: tuple[str, ...] = ("water"
     )
 
 
-def compiled(text: str | bytes, graph: dict[str, Any], wish: Wish | None = None) -> dict[str, Any]:
+def compiled(
+    text: str | bytes, graph: dict[str, Any], wish: CompileWish | None = None
+) -> dict[str, Any]:
     rig = read_rig(json.dumps(graph).encode())
     raw = text if isinstance(text, bytes) else text.encode()
     vessels = frozenset(Equipment(rig).vessels)
@@ -95,7 +97,7 @@ def unproved(plan: dict[str, Any], rig: Rig) -> list[Finding]:
     return check_plan(rig, parse_plan(json.dumps(plan | head).encode()), "0" * 64)
 
 
-def reasons(text: str | bytes, graph: dict[str, Any], wish: Wish | None = None) -> list[str]:
+def reasons(text: str | bytes, graph: dict[str, Any], wish: CompileWish | None = None) -> list[str]:
     with pytest.raises(LabError) as caught:
         compiled(text, graph, wish)
     return [finding.code for finding in caught.value.findings]

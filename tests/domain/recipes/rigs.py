@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.rig_transfers import compile_line
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.transfers_on_rig import compile_line
 
 CLASSES = {
     "valve": "ChemputerValve",

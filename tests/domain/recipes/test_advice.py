@@ -13,14 +13,14 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.rig.model import RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.recipes.advise import search
-from labweb.domain.recipes.advise.search import Advice, advise
+from labweb.domain.graph.rig.rig_model import RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.rig_write import write_rig
+from labweb.domain.recipes.advise import fewest_changes
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.domain.recipes.plans import bench, compiled, reasons, recipe
 
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
@@ -268,7 +268,7 @@ def test_a_graph_of_others_gets_no_advice() -> None:
 
 def test_advice_whose_plan_is_not_proved_is_not_given(monkeypatch: pytest.MonkeyPatch) -> None:
     doubt = [Finding("interpret.claim", "the verifier does not believe it")]
-    monkeypatch.setattr(search, "find_unproved", lambda *_: doubt)
+    monkeypatch.setattr(fewest_changes, "find_unproved", lambda *_: doubt)
     found = asked(recipe(ADD), without(bench(), "flask_water"))
     assert isinstance(found, list)
     assert "interpret.claim" in found[0].message

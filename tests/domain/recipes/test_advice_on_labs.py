@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.rig.model import RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.rig.rig_model import RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.recipe_preview import PreviewAsked, advise_on, open_recipe
 from tests.domain.recipes.test_opening import RECIPE, STARTER
 
 SEPARATOR = '<Component id="separator" type="separator"/>'
@@ -55,7 +55,7 @@ def lab(without: tuple[str, ...] = (), **ports: int) -> bytes:
     return json.dumps(value).encode()
 
 
-def advised(asked: Asked) -> dict[str, Any]:
+def advised(asked: PreviewAsked) -> dict[str, Any]:
     """Return the advice, once the corrected lab is one and the recipe is proved on it."""
     assert open_recipe(asked)["plan"] is None
     advice = advise_on(asked)
@@ -86,7 +86,7 @@ def kinds(advice: dict[str, Any]) -> list[str]:
 def test_what_is_missing_in_a_lab_is_drawn_into_it(
     text: bytes, graph: bytes, wanted: list[str]
 ) -> None:
-    advice = advised(Asked(name="r", recipe=text, graph=graph))
+    advice = advised(PreviewAsked(name="r", recipe=text, graph=graph))
     assert sorted(kinds(advice)) == wanted
 
 
@@ -101,7 +101,7 @@ THROUGH = '<FilterThrough from_vessel="reactor" to_vessel="flask" through="silic
 
 def test_a_rotary_evaporator_is_drawn_whole_with_its_receiver_and_vacuum() -> None:
     text = recipe(ADD, OVER, BOIL, hardware=ROTAVAP)
-    advice = advised(Asked(name="r", recipe=text, graph=lab()))
+    advice = advised(PreviewAsked(name="r", recipe=text, graph=lab()))
     assert kinds(advice) == ["add_vessel", "join_vacuum"]
     first = advice["changes"][0]
     assert first["adds"] == ["rotavap", "rotavap_receiver", "evaporator_rotavap"]
@@ -112,16 +112,16 @@ def test_a_rotary_evaporator_is_drawn_whole_with_its_receiver_and_vacuum() -> No
 
 def test_a_flask_on_an_evaporator_without_a_receiver_gets_one_that_is_drained() -> None:
     whole = json.loads(
-        advised(Asked(name="r", recipe=recipe(ADD, OVER, BOIL, hardware=ROTAVAP), graph=lab()))[
-            "graph"
-        ]
+        advised(
+            PreviewAsked(name="r", recipe=recipe(ADD, OVER, BOIL, hardware=ROTAVAP), graph=lab())
+        )["graph"]
     )
     gone = "rotavap_receiver"
     whole["resources"] = [entry for entry in whole["resources"] if entry["key"] != gone]
     whole["connections"] = [
         c for c in whole["connections"] if gone not in {c[end]["resource"] for end in ENDS}
     ]
-    asked = Asked(
+    asked = PreviewAsked(
         name="r",
         recipe=recipe(ADD, OVER, BOIL, hardware=ROTAVAP),
         graph=json.dumps(whole).encode(),
@@ -145,7 +145,7 @@ ENDS = ("source", "target")
 def test_gas_and_vacuum_come_by_a_valve_of_their_own(
     steps: tuple[str, ...], wanted: list[str]
 ) -> None:
-    advice = advised(Asked(name="r", recipe=recipe(*steps), graph=lab()))
+    advice = advised(PreviewAsked(name="r", recipe=recipe(*steps), graph=lab()))
     assert kinds(advice) == wanted
     after = json.loads(advice["graph"])
     new = [c for c in after["connections"] if "valve_gas" in str(c)]
@@ -159,7 +159,7 @@ def test_a_cartridge_is_drawn_between_two_valves() -> None:
         b"<Reagents>", b'<Reagents><Reagent name="silica"/>'
     )
     bind = {"flask": "flask_1"}
-    advice = advised(Asked(name="r", recipe=text, graph=lab(), bind=bind))
+    advice = advised(PreviewAsked(name="r", recipe=text, graph=lab(), bind=bind))
     assert kinds(advice) == ["add_valve", "add_cartridge"]
     after = json.loads(advice["graph"])["resources"]
     assert [e["config"] for e in after if e["kind"] == "cartridge"] == [{"filling": "silica"}]
@@ -167,7 +167,7 @@ def test_a_cartridge_is_drawn_between_two_valves() -> None:
 
 def test_a_published_recipe_gets_flasks_and_a_separator_and_each_says_its_port() -> None:
     bind = {"water": "water", "product": "flask_1"}
-    advice = advised(Asked(name="a", recipe=RECIPE, graph=STARTER, bind=bind))
+    advice = advised(PreviewAsked(name="a", recipe=RECIPE, graph=STARTER, bind=bind))
     assert sorted({*kinds(advice)}) == ["add_flask", "add_valve", "add_vessel", "attach"]
     texts = [change["text"] for change in advice["changes"]]
     assert any("of 100 mL, full, for triethylamine at port" in text for text in texts)
@@ -179,7 +179,7 @@ def test_a_published_recipe_gets_flasks_and_a_separator_and_each_says_its_port()
 def test_drivers_contents_and_ports_of_the_lab_stay_as_they_are() -> None:
     text = recipe(ADD, ADD.replace("Water", "ether"))
     before = json.loads(STARTER)
-    after = json.loads(advised(Asked(name="r", recipe=text, graph=STARTER))["graph"])
+    after = json.loads(advised(PreviewAsked(name="r", recipe=text, graph=STARTER))["graph"])
     assert after["devices"] == before["devices"]
     assert [e for e in after["resources"] if e in before["resources"]] == before["resources"]
     assert [c for c in after["connections"] if c in before["connections"]] == before["connections"]
@@ -195,7 +195,7 @@ def test_drivers_contents_and_ports_of_the_lab_stay_as_they_are() -> None:
 def test_no_port_that_a_valve_does_not_have_is_used() -> None:
     text = recipe(ADD, ADD.replace("Water", "ether"))
     graph = lab(("waste", "flask_1", "flask_2"), valve_1=4, valve_2=3)
-    after = json.loads(advised(Asked(name="r", recipe=text, graph=graph))["graph"])
+    after = json.loads(advised(PreviewAsked(name="r", recipe=text, graph=graph))["graph"])
     most = {e["key"]: e["config"].get("ports_count") for e in after["resources"]}
     for connection in after["connections"]:
         for end in (connection["source"], connection["target"]):
@@ -205,7 +205,7 @@ def test_no_port_that_a_valve_does_not_have_is_used() -> None:
 
 def test_a_reagent_that_is_there_under_another_case_is_left_to_a_person() -> None:
     text = recipe(ADD).replace(b"Water", b"water")
-    advice = advise_on(Asked(name="r", recipe=text, graph=STARTER))
+    advice = advise_on(PreviewAsked(name="r", recipe=text, graph=STARTER))
     assert not advice["ok"]
     assert "water holds 'Water'" in advice["findings"][0]["message"]
 
@@ -219,7 +219,7 @@ def test_a_reagent_that_is_there_under_another_case_is_left_to_a_person() -> Non
 )
 def test_what_a_lab_file_has_no_word_for_is_not_drawn(steps: str, hardware: str) -> None:
     text = recipe(ADD, steps, hardware=hardware)
-    advice = advise_on(Asked(name="r", recipe=text, graph=STARTER))
+    advice = advise_on(PreviewAsked(name="r", recipe=text, graph=STARTER))
     assert not advice["ok"]
     assert {finding["code"] for finding in advice["findings"]} == {"plan.no_advice"}
 
@@ -229,7 +229,7 @@ def test_a_heater_whose_lowest_temperature_nobody_says_is_not_asked_to_chill(
     degrees: str, *, is_asked: bool
 ) -> None:
     text = recipe(ADD, CHILL.replace("-60", degrees))
-    answer = open_recipe(Asked(name="r", recipe=text, graph=STARTER))
+    answer = open_recipe(PreviewAsked(name="r", recipe=text, graph=STARTER))
     assert (answer["plan"] is not None) is is_asked
     if not is_asked:
         (finding,) = answer["findings"]

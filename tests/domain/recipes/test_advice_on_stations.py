@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
-from labweb.domain.graph.rig.model import RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.rig.rig_model import RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.rig_write import write_rig
+from labweb.domain.recipes.recipe_preview import PreviewAsked, advise_on, open_recipe
 from tests.corpus import GRAPHS, NO_GRAPHS
 from tests.domain.recipes.test_advice_on_labs import (
     ADD,
@@ -102,7 +102,7 @@ def station(*, positions: int = 8) -> bytes:
     return json.dumps({"nodes": [root, *nodes], "links": links}).encode()
 
 
-def advised(asked: Asked) -> dict[str, Any]:
+def advised(asked: PreviewAsked) -> dict[str, Any]:
     """Return the advice, once the corrected graph is read and the recipe is proved on it."""
     assert open_recipe(asked)["plan"] is None
     advice = advise_on(asked)
@@ -132,14 +132,14 @@ def advised(asked: Asked) -> dict[str, Any]:
     ],
 )
 def test_what_is_missing_in_a_station_is_drawn_into_it(text: bytes, wanted: list[str]) -> None:
-    advice = advised(Asked(name="r", recipe=text, graph=station()))
+    advice = advised(PreviewAsked(name="r", recipe=text, graph=station()))
     assert sorted(kinds(advice)) == wanted
 
 
 def test_a_cartridge_and_the_tube_behind_it_are_drawn() -> None:
     text = recipe(ADD, THROUGH, hardware=FLASK)
     text = text.replace(b"<Reagents>", b'<Reagents><Reagent name="silica"/>')
-    asked = Asked(name="r", recipe=text, graph=station(), bind={"flask": "collection"})
+    asked = PreviewAsked(name="r", recipe=text, graph=station(), bind={"flask": "collection"})
     advice = advised(asked)
     assert kinds(advice) == ["add_cartridge"]
     (column,) = (n for n in json.loads(advice["graph"])["nodes"] if "column" in n["class"])
@@ -148,19 +148,19 @@ def test_a_cartridge_and_the_tube_behind_it_are_drawn() -> None:
 
 
 def test_an_inert_gas_that_is_there_is_led_and_another_is_brought() -> None:
-    any_gas = advised(Asked(name="r", recipe=recipe(ADD, PURGE), graph=station()))
+    any_gas = advised(PreviewAsked(name="r", recipe=recipe(ADD, PURGE), graph=station()))
     assert "Lead nitrogen from nitrogen" in any_gas["changes"][1]["text"]
-    argon = advised(Asked(name="r", recipe=recipe(REFILL, ADD), graph=station()))
+    argon = advised(PreviewAsked(name="r", recipe=recipe(REFILL, ADD), graph=station()))
     assert any("Lead argon from flask_argon" in one["text"] for one in argon["changes"])
 
 
 def test_a_valve_without_a_free_position_gets_another_beside_it() -> None:
     text = recipe(ADD, ADD.replace("Water", "ether"))
-    advice = advised(Asked(name="r", recipe=text, graph=station(positions=4)))
+    advice = advised(PreviewAsked(name="r", recipe=text, graph=station(positions=4)))
     assert "add_flask" in kinds(advice)
     full = json.loads(station(positions=4))
     full["links"].append(tube("valve_2", "4", "main", "top"))
-    advice = advised(Asked(name="r", recipe=text, graph=json.dumps(full).encode()))
+    advice = advised(PreviewAsked(name="r", recipe=text, graph=json.dumps(full).encode()))
     assert kinds(advice) == ["add_valve", "add_flask"]
 
 
@@ -184,7 +184,7 @@ def divided(*, groups: list[str] | None = None) -> bytes:
 def test_a_waste_is_drawn_that_takes_the_streams_of_the_groups(
     graph: bytes, declared: bytes
 ) -> None:
-    advice = advised(Asked(name="r", recipe=recipe(RINSED), graph=graph, declared=declared))
+    advice = advised(PreviewAsked(name="r", recipe=recipe(RINSED), graph=graph, declared=declared))
     assert kinds(advice) == ["add_waste"]
     after = {one["id"]: one for one in json.loads(advice["graph"])["nodes"]}
     (key,) = after.keys() - {one["id"] for one in json.loads(graph)["nodes"]}
@@ -195,7 +195,7 @@ def test_a_waste_is_drawn_that_takes_the_streams_of_the_groups(
 
 
 def test_without_groups_no_waste_is_drawn_for_what_nobody_knows() -> None:
-    asked = Asked(name="r", recipe=recipe(RINSED), graph=divided())
+    asked = PreviewAsked(name="r", recipe=recipe(RINSED), graph=divided())
     assert {one["code"] for one in open_recipe(asked)["findings"]} == {"plan.unknown_chemistry"}
     advice = advise_on(asked)
     assert not advice["ok"]
@@ -208,7 +208,7 @@ def test_a_second_waste_is_drawn_for_what_must_not_meet_what_is_in_the_first() -
     drain["data"] = {"liquids": [["residue", 50.0]]}
     drain["config"]["groups"] = ["water_reactive"]
     raw = json.dumps(graph).encode()
-    advice = advised(Asked(name="r", recipe=recipe(RINSED), graph=raw, declared=DECLARED))
+    advice = advised(PreviewAsked(name="r", recipe=recipe(RINSED), graph=raw, declared=DECLARED))
     assert kinds(advice) == ["add_waste"]
     assert " that takes " not in advice["changes"][0]["text"]
 
@@ -216,7 +216,7 @@ def test_a_second_waste_is_drawn_for_what_must_not_meet_what_is_in_the_first() -
 def test_what_stands_in_the_station_stays_as_it_is() -> None:
     text = recipe(ADD, ADD.replace("Water", "ether"))
     before = json.loads(station())
-    after = json.loads(advised(Asked(name="r", recipe=text, graph=station()))["graph"])
+    after = json.loads(advised(PreviewAsked(name="r", recipe=text, graph=station()))["graph"])
     kept = {one["id"]: one for one in after["nodes"]}
     for one in before["nodes"]:
         assert {**kept[one["id"]], "children": one["children"]} == one
@@ -232,7 +232,7 @@ def test_what_stands_in_the_station_stays_as_it_is() -> None:
 )
 def test_what_a_station_has_no_class_for_is_not_drawn(steps: str, hardware: str) -> None:
     text = recipe(ADD, steps, hardware=hardware)
-    advice = advise_on(Asked(name="r", recipe=text, graph=station()))
+    advice = advise_on(PreviewAsked(name="r", recipe=text, graph=station()))
     assert not advice["ok"]
     assert {finding["code"] for finding in advice["findings"]} == {"plan.no_advice"}
 
@@ -240,7 +240,7 @@ def test_what_a_station_has_no_class_for_is_not_drawn(steps: str, hardware: str)
 def test_advice_for_a_station_in_graphml_is_written_as_json() -> None:
     graph = write_rig(read_rig(station()), RigFormat.GRAPHML)
     text = recipe(ADD, ADD.replace("Water", "ether"))
-    assert kinds(advised(Asked(name="r", recipe=text, graph=graph))) == ["add_flask"]
+    assert kinds(advised(PreviewAsked(name="r", recipe=text, graph=graph))) == ["add_flask"]
 
 
 @pytest.mark.skipif(not GRAPHS.is_dir(), reason=NO_GRAPHS)
@@ -252,5 +252,5 @@ def test_a_published_station_gets_what_recipes_want_of_it() -> None:
         (recipe(REFILL, ADD), {"add_valve", "join_gas", "join_vacuum"}),
         (recipe(ADD, ADD.replace("Water", "ether")), {"add_flask", "add_valve"}),
     ):
-        asked = Asked(name="r", recipe=text, graph=path.read_bytes(), bind=bind)
+        asked = PreviewAsked(name="r", recipe=text, graph=path.read_bytes(), bind=bind)
         assert {*kinds(advised(asked))} == wanted

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.advise.search import Advice, advise
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
+from labweb.domain.recipes.recipe_to_plan import CompileWish
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.domain.recipes.plans import claims, compiled
 from tests.domain.recipes.test_meetings import POURS, TO_WASTE, starter
 from tests.domain.recipes.test_meetings import asked as on_starter
@@ -29,10 +29,10 @@ from tests.domain.recipes.test_wastes import (
     two_wastes,
 )
 
-WISH = Wish(groups=GROUPS, rinse=("water",))
+WISH = CompileWish(groups=GROUPS, rinse=("water",))
 
 
-def advice(steps: str, graph: dict[str, Any], wish: Wish) -> Advice | list[Finding]:
+def advice(steps: str, graph: dict[str, Any], wish: CompileWish) -> Advice | list[Finding]:
     rig = read_rig(json.dumps(graph).encode())
     read, findings = check_document(
         parse_markup(steps.encode()), rig_vessels=frozenset(Equipment(rig).vessels)
@@ -41,7 +41,9 @@ def advice(steps: str, graph: dict[str, Any], wish: Wish) -> Advice | list[Findi
     return advise(read, rig, wish)
 
 
-def advised(steps: str, graph: dict[str, Any], wish: Wish) -> tuple[list[str], dict[str, Any]]:
+def advised(
+    steps: str, graph: dict[str, Any], wish: CompileWish
+) -> tuple[list[str], dict[str, Any]]:
     """Return what is advised, in words, and the plan on the corrected graph."""
     assert refused(steps, graph, wish)
     found = advice(steps, graph, wish)

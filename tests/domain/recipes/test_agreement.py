@@ -13,7 +13,7 @@ from labweb.domain.recipes.agreement.check import check_agreement, check_same
 from labweb.domain.recipes.agreement.contents import check_contents, render_proved
 from labweb.domain.recipes.agreement.keeping import changes_since
 from labweb.domain.recipes.agreement.weaving import weave_rinses
-from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import PreviewAsked, open_recipe, workflow_from
 from tests.domain.recipes.plans import recipe
 from tests.domain.recipes.test_opening import STARTER
 from tests.domain.recipes.test_station_of_our_own import whole
@@ -127,7 +127,7 @@ REACTOR = '<Component id="reactor" type="reactor"/>'
 def workflow(*steps: str, reagent: str = "") -> dict[str, Any]:
     text = recipe(*steps, hardware=REACTOR, reagents=("water", "acid"))
     raw = text.replace('<Reagent id="water"/>', f'<Reagent id="water" {reagent}/>').encode()
-    asked = Asked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
+    asked = PreviewAsked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
     found: dict[str, Any] = workflow_from(asked)["document"]
     return found
 
@@ -231,7 +231,7 @@ def test_a_rinse_that_is_another_or_of_another_syringe_is_told(
 ) -> None:
     text = recipe(ADD, ACID, hardware=REACTOR, reagents=("water", "acid"))
     raw = text.replace('<Reagent id="water"/>', f'<Reagent id="water" {CLEANS}/>').encode()
-    asked = Asked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
+    asked = PreviewAsked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
     plan, found = open_recipe(asked)["plan"], workflow_from(asked)["document"]
     assert check_agreement(plan, found, ["pump_1", "pump_2"]) == []
     change(found)
@@ -242,7 +242,7 @@ def test_a_rinse_that_is_another_or_of_another_syringe_is_told(
 def test_the_only_syringe_of_a_rig_need_not_be_named() -> None:
     text = recipe(ADD, ACID, hardware=REACTOR, reagents=("water", "acid"))
     raw = text.replace('<Reagent id="water"/>', f'<Reagent id="water" {CLEANS}/>').encode()
-    asked = Asked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
+    asked = PreviewAsked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
     plan, found = open_recipe(asked)["plan"], workflow_from(asked)["document"]
     for step in found["steps"]:
         step["params"].pop("pump")
@@ -302,7 +302,9 @@ def test_what_takes_the_proof_away_is_told_by_step(
 
 
 def proved() -> dict[str, Any]:
-    told = workflow_from(Asked(name="one", recipe=SYNTHESIS, graph=GRAPH, declared=DECLARED_RAW))
+    told = workflow_from(
+        PreviewAsked(name="one", recipe=SYNTHESIS, graph=GRAPH, declared=DECLARED_RAW)
+    )
     return render_proved(told["proved"], station_file())
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.recipes.agreement.check import check_agreement
-from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
+from labweb.domain.recipes.recipe_preview import PreviewAsked, open_recipe, workflow_from
 from tests.domain.recipes.plans import recipe, unproved
 from tests.domain.recipes.test_agreement import (
     DECLARED_RAW,
@@ -33,7 +33,7 @@ def keeping_apart() -> tuple[dict[str, Any], dict[str, Any]]:
     one = 'Add vessel="reactor" reagent="acid" volume="2 mL"'
     two = 'Add vessel="flask" reagent="dye" volume="2 mL"'
     hardware = REACTOR + '<Component id="flask" type="flask"/>'
-    asked = Asked(
+    asked = PreviewAsked(
         name="apart",
         recipe=recipe(one, two, hardware=hardware, reagents=("acid", "dye")).encode(),
         graph=json.dumps(lab).encode(),
@@ -67,7 +67,7 @@ def test_the_verifier_asks_a_plan_to_say_that_some_lots_must_not_meet() -> None:
 
 
 def test_layers_are_drawn_by_the_pump_whose_syringe_was_rinsed() -> None:
-    asked = Asked(
+    asked = PreviewAsked(
         name="rinsed",
         recipe=SYNTHESIS,
         graph=GRAPH,

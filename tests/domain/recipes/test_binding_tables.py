@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from labweb.domain.graph.lab_file.bindings import Binding, read_binding
+from labweb.domain.graph.lab_file.binding_file import BindingFile, read_binding
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs" / "graphs.md"
 HEAD = ["| class | device | driver, or why none |", "|---|---|---|"]
 
 
-def rows(binding: Binding) -> list[str]:
+def rows(binding: BindingFile) -> list[str]:
     """Return a row for each class: those with a device first, in the order of the rules."""
     found: dict[str, list[str]] = {}
     for rule in binding.devices:

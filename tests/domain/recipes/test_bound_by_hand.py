@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe
 
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
@@ -25,7 +25,7 @@ def saying(key: str, **said: object) -> dict[str, Any]:
 
 
 def test_a_reagent_that_is_bound_to_the_flask_of_another_is_taken_from_it_and_told() -> None:
-    plan = compiled(recipe(ADD), bench(), Wish(bind={"water": "flask_ether"}))
+    plan = compiled(recipe(ADD), bench(), CompileWish(bind={"water": "flask_ether"}))
     assert claims(plan, "transfer")[0]["from"] == "flask_ether"
     (note,) = plan["notes"]
     assert note.startswith("water is flask_ether, as chosen by hand")
@@ -34,7 +34,7 @@ def test_a_reagent_that_is_bound_to_the_flask_of_another_is_taken_from_it_and_to
 
 def test_a_vessel_that_is_bound_to_a_flask_with_a_label_is_told() -> None:
     move = 'Transfer from_vessel="a" to_vessel="b" volume="5 mL"'
-    wish = Wish(
+    wish = CompileWish(
         bind={"a": "flask_ether", "b": "flask_spare"},
         holds_nl={"flask_ether": {"ether": 9 * ML}},
     )
@@ -46,7 +46,7 @@ def test_a_vessel_that_is_bound_to_a_flask_with_a_label_is_told() -> None:
 def test_a_flask_that_says_the_same_or_nothing_is_bound_without_a_note(
     bound: dict[str, str],
 ) -> None:
-    assert compiled(recipe(ADD), bench(), Wish(bind=bound))["notes"] == []
+    assert compiled(recipe(ADD), bench(), CompileWish(bind=bound))["notes"] == []
 
 
 @pytest.mark.parametrize("role", ["water", "reactor"])
@@ -55,7 +55,7 @@ def test_what_is_bound_to_no_vessel_for_liquid_is_refused_and_never_left_out(
     role: str, key: str
 ) -> None:
     with pytest.raises(LabError) as caught:
-        compiled(recipe(ADD), bench(), Wish(bind={role: key}))
+        compiled(recipe(ADD), bench(), CompileWish(bind={role: key}))
     (finding,) = caught.value.findings
     assert finding.code == "plan.not_a_vessel"
     assert finding.context["vessel"] == key
@@ -65,7 +65,7 @@ def test_what_is_bound_to_no_vessel_for_liquid_is_refused_and_never_left_out(
 def test_what_lines_are_cleaned_with_is_not_bound_to_a_pump_either() -> None:
     cleaning = '<Reagent id="ether" use_for_cleaning="true"/>'
     text = recipe(ADD).replace('<Reagent id="ether"/>', cleaning)
-    assert reasons(text, bench(), Wish(bind={"ether": "pump_1"})) == ["plan.not_a_vessel"]
+    assert reasons(text, bench(), CompileWish(bind={"ether": "pump_1"})) == ["plan.not_a_vessel"]
 
 
 def test_a_cleaning_solvent_that_the_rig_does_not_have_is_told_to_rinse_nothing() -> None:
@@ -78,7 +78,7 @@ def test_a_cleaning_solvent_that_the_rig_does_not_have_is_told_to_rinse_nothing(
 
 def test_two_vessels_that_are_bound_to_one_are_told_to_be_one() -> None:
     steps = [f'Add vessel="{vessel}" reagent="water" volume="5 mL"' for vessel in "ab"]
-    wish = Wish(bind={"a": "flask_spare", "b": "flask_spare"})
+    wish = CompileWish(bind={"a": "flask_spare", "b": "flask_spare"})
     plan = compiled(recipe(*steps, hardware=FLASKS), bench(), wish)
     assert plan["notes"] == ["a and b are one vessel of the rig, flask_spare"]
 
@@ -88,7 +88,7 @@ def test_a_vessel_of_the_recipe_is_no_flask_that_a_reagent_comes_out_of() -> Non
         'Transfer from_vessel="a" to_vessel="b" volume="5 mL"',
         'Add vessel="b" reagent="water" volume="5 mL"',
     )
-    wish = Wish(bind={"a": "flask_water", "b": "flask_spare"})
+    wish = CompileWish(bind={"a": "flask_water", "b": "flask_spare"})
     found = reasons(recipe(*steps, hardware=FLASKS), saying("flask_water", current_volume=50), wish)
     assert found == ["plan.shared_flask"]
 
@@ -100,7 +100,7 @@ def test_more_than_a_vessel_holds_is_not_stated_of_it(key: str) -> None:
         compiled(recipe(ADD), graph)
     first = caught.value.findings[0]
     assert (first.code, first.subject) == ("plan.stated_overfull", key)
-    held = Wish(holds_nl={key: {"ether" if key != "flask_water" else "water": 600 * ML}})
+    held = CompileWish(holds_nl={key: {"ether" if key != "flask_water" else "water": 600 * ML}})
     assert reasons(recipe(ADD), bench(), held)[0] == "plan.stated_overfull"
 
 
@@ -110,12 +110,12 @@ def test_as_much_as_a_vessel_holds_may_be_in_it() -> None:
 
 
 def test_less_than_nothing_is_not_in_a_vessel() -> None:
-    wish = Wish(holds_nl={"separator": {"ether": -1}})
+    wish = CompileWish(holds_nl={"separator": {"ether": -1}})
     assert reasons(recipe(ADD), bench(), wish) == ["unit.not_positive"]
 
 
 def test_another_lot_in_the_flask_of_a_reagent_is_refused() -> None:
-    wish = Wish(holds_nl={"flask_water": {"ether": 5 * ML, "water": 100 * ML}})
+    wish = CompileWish(holds_nl={"flask_water": {"ether": 5 * ML, "water": 100 * ML}})
     assert reasons(recipe(ADD), bench(), wish) == ["plan.mixed_flask"]
 
 
@@ -123,7 +123,7 @@ def test_a_flask_with_a_mixture_is_no_flask_of_one_of_its_parts_unless_it_is_cho
     mixture = {"liquid": [["water", 100], ["ether", 5]]}
     graph = saying("flask_water", chemical="", data=mixture)
     assert reasons(recipe(ADD), graph) == ["plan.mixed_flask"]
-    plan = compiled(recipe(ADD), graph, Wish(bind={"water": "flask_water"}))
+    plan = compiled(recipe(ADD), graph, CompileWish(bind={"water": "flask_water"}))
     assert plan["notes"] == [
         "water is flask_water, as chosen by hand: the label or contents of flask_water say ether"
     ]
@@ -132,5 +132,5 @@ def test_a_flask_with_a_mixture_is_no_flask_of_one_of_its_parts_unless_it_is_cho
 def test_two_reagents_in_a_flask_that_holds_one_are_told_once() -> None:
     both = 'Add vessel="reactor" reagent="ether" volume="5 mL"'
     graph = saying("flask_water", current_volume=50)
-    found = reasons(recipe(ADD, both), graph, Wish(bind={"ether": "flask_water"}))
+    found = reasons(recipe(ADD, both), graph, CompileWish(bind={"ether": "flask_water"}))
     assert found == ["plan.shared_flask"]

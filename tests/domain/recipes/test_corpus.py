@@ -10,11 +10,16 @@ from pathlib import Path
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.json_form import parse_json, render_json
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_available, check_document, read_xdl
-from labweb.domain.recipes.xdl.recipe import Recipe
-from labweb.domain.recipes.xdl.write import VERSIONS, check_graph, render_as, render_xdl
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_available, check_document, read_xdl
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.file_format.write_xdl import (
+    VERSIONS,
+    check_graph,
+    render_as,
+    render_xdl,
+)
+from labweb.domain.recipes.xdl.file_format.xdl_json import parse_json, render_json
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.asking import TEST_TABLE, codes, corpus_files, refused
 

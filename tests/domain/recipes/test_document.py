@@ -12,14 +12,14 @@ import pytest
 
 from fixtures.instruments.bench import parse_bench
 from labweb.domain.errors import LabError, LabFileError
-from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.bindings import is_match, read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.convert import Target, convert
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import is_match, read_binding
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.recipes.graph_formats.convert_graph import Target, convert
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Format, LabDocument
 from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.domain.recipes.rigs import chemputer
 
@@ -52,7 +52,7 @@ def joined(graph: Value, key: str, sort: str, to: str) -> Value:
 
 
 def bind(graph: Value) -> tuple[LabFile, list[str]]:
-    document = Document(json.dumps(graph).encode(), "Rig")
+    document = LabDocument(json.dumps(graph).encode(), "Rig")
     lab, notes = document.bound(BINDINGS[document.format])
     return lab, [note.message for note in notes]
 
@@ -165,7 +165,7 @@ def test_graphml_packed_or_not_is_the_same_lab(target: Target) -> None:
     plain, _ = bind(rig())
     raw = convert(json.dumps(rig()).encode(), target, "Rig").raw
     for given in (raw, gzip.compress(raw)):
-        document = Document(given, "Rig")
+        document = LabDocument(given, "Rig")
         assert document.format is Format.CHEMPUTER
         assert document.bound(BINDINGS[Format.CHEMPUTER])[0] == plain
 
@@ -175,20 +175,20 @@ def test_graphml_of_a_station_is_the_same_lab() -> None:
     pump: Value = {"id": "pump", "type": "device", "class": "virtual_transfer_pump"}
     raw = json.dumps({"nodes": [flask, pump], "links": []}).encode()
     graphml = convert(raw, Target.UNI_LAB_OS_GRAPHML, "Station").raw
-    document = Document(graphml, "Station")
+    document = LabDocument(graphml, "Station")
     assert document.format is Format.UNI_LAB_OS
-    assert document.read() == Document(raw, "Station").read()
+    assert document.read() == LabDocument(raw, "Station").read()
 
 
 def test_formats_are_told_apart_by_what_is_in_them() -> None:
-    document = Document(json.dumps(rig()).encode(), "Rig")
+    document = LabDocument(json.dumps(rig()).encode(), "Rig")
     assert document.format is Format.CHEMPUTER
     rendered = render_lab(document.read())
-    assert Document(rendered, "ignored").format is Format.LABWEB
-    assert Document(rendered, "ignored").read() == document.read()
+    assert LabDocument(rendered, "ignored").format is Format.LABWEB
+    assert LabDocument(rendered, "ignored").read() == document.read()
     for raw in (b"<a/>", b"{", b"\x1f\x8bno gzip"):
         with pytest.raises(LabFileError):
-            Document(raw, "x").read()
+            LabDocument(raw, "x").read()
 
 
 def rigs() -> list[Path]:
@@ -205,7 +205,7 @@ def test_every_instrument_of_a_published_rig_that_has_a_driver_here_is_one() -> 
     bound, missing, refused = 0, [], []
     for path in rigs():
         try:
-            document = Document(path.read_bytes(), path.stem)
+            document = LabDocument(path.read_bytes(), path.stem)
             if document.format is not Format.CHEMPUTER:
                 continue
             lab, notes = document.bound(binding)

@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 
 _HEAD = """<XDL><Synthesis><Hardware><Component id="reactor" type="reactor"/>
 <Component id="separator" type="separator"/><Component id="rotavap" type="rotavap"/></Hardware>

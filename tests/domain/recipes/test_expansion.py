@@ -13,23 +13,23 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.defaults_table import DEFAULTS
-from labweb.domain.recipes.xdl.expansion.basic import (
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
+from labweb.domain.recipes.xdl.expansion.basic_operations import (
     BUFFER,
     EFFECTS,
     INERT_GAS,
     KEPT,
     WASTE,
+    BasicKind,
     BasicOperation,
-    Effect,
-    Kind,
+    ContentsEffect,
 )
 from labweb.domain.recipes.xdl.expansion.expand import Expansion, all_operations, expand
 from labweb.domain.recipes.xdl.expansion.operations_table import OPERATIONS
-from labweb.domain.recipes.xdl.expansion.reading import default_number
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.spec import STEPS
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.tables.defaults_table import DEFAULTS
+from labweb.domain.recipes.xdl.tables.step_spec import STEPS
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.asking import corpus_files, recipe
 
@@ -37,14 +37,14 @@ needs_corpus = pytest.mark.skipif(not XDL.exists(), reason=NO_XDL)
 DOCS = Path(__file__).parents[3] / "docs/xdl.md"
 
 STOPS = {
-    Kind.START_STIR: Kind.STOP_STIR,
-    Kind.SET_TEMPERATURE: Kind.STOP_TEMPERATURE,
-    Kind.START_VACUUM: Kind.STOP_VACUUM,
-    Kind.START_GAS: Kind.STOP_GAS,
-    Kind.START_ROTATION: Kind.STOP_ROTATION,
-    Kind.LOWER_FLASK: Kind.RAISE_FLASK,
-    Kind.START_LIGHT: Kind.STOP_LIGHT,
-    Kind.START_ULTRASOUND: Kind.STOP_ULTRASOUND,
+    BasicKind.START_STIR: BasicKind.STOP_STIR,
+    BasicKind.SET_TEMPERATURE: BasicKind.STOP_TEMPERATURE,
+    BasicKind.START_VACUUM: BasicKind.STOP_VACUUM,
+    BasicKind.START_GAS: BasicKind.STOP_GAS,
+    BasicKind.START_ROTATION: BasicKind.STOP_ROTATION,
+    BasicKind.LOWER_FLASK: BasicKind.RAISE_FLASK,
+    BasicKind.START_LIGHT: BasicKind.STOP_LIGHT,
+    BasicKind.START_ULTRASOUND: BasicKind.STOP_ULTRASOUND,
 }
 
 
@@ -94,10 +94,14 @@ def test_every_default_is_a_number(key: str) -> None:
 
 
 def test_an_operation_touches_contents_as_its_parts_do() -> None:
-    touching = {"Add": Effect.ADDS, "Transfer": Effect.MOVES, "Separate": Effect.SPLITS}
+    touching = {
+        "Add": ContentsEffect.ADDS,
+        "Transfer": ContentsEffect.MOVES,
+        "Separate": ContentsEffect.SPLITS,
+    }
     assert {name: OPERATIONS[name].effect for name in touching} == touching
-    assert EFFECTS[Kind.ADD_LIQUID] is Effect.ADDS
-    assert Kind.WAIT not in EFFECTS
+    assert EFFECTS[BasicKind.ADD_LIQUID] is ContentsEffect.ADDS
+    assert BasicKind.WAIT not in EFFECTS
 
 
 def test_heating_holds_the_temperature_for_the_time() -> None:
@@ -122,12 +126,12 @@ def test_what_is_assumed_says_so() -> None:
     steps = '<HeatChill vessel="reactor" temp="r.t." time="overnight" stir="False"/>'
     operations = list(all_operations(expand(unfold(recipe(steps)))))
     assumed = {o.kind: o.assumed for o in operations if o.assumed}
-    assert assumed[Kind.SET_TEMPERATURE] == (
+    assert assumed[BasicKind.SET_TEMPERATURE] == (
         "temp=room_temperature",
         "tolerance_c=temperature_tolerance",
     )
-    assert assumed[Kind.WAIT] == ("time=overnight",)
-    (waited,) = [o.fields["seconds"] for o in operations if o.kind is Kind.WAIT]
+    assert assumed[BasicKind.WAIT] == ("time=overnight",)
+    (waited,) = [o.fields["seconds"] for o in operations if o.kind is BasicKind.WAIT]
     assert waited == 57600
 
 
@@ -244,7 +248,7 @@ def test_stirring_that_nobody_began_is_not_stopped() -> None:
 def test_a_loop_stays_a_loop() -> None:
     (loop,) = expand(unfold(recipe('<Repeat repeats="3"><Wait time="1 s"/></Repeat>')))
     assert loop.act.repeats == 3
-    assert [o.kind for child in loop.children for o in child.operations] == [Kind.WAIT]
+    assert [o.kind for child in loop.children for o in child.operations] == [BasicKind.WAIT]
 
 
 @cache
@@ -266,7 +270,7 @@ def test_the_published_recipes_that_say_enough_are_expanded() -> None:
 @needs_corpus
 def test_nothing_is_left_running_at_the_end() -> None:
     for path, expanded in expansions():
-        running: set[tuple[Kind, object]] = set()
+        running: set[tuple[BasicKind, object]] = set()
         for operation in all_operations(expanded):
             vessel = operation.fields.get("vessel")
             running.discard((operation.kind, vessel))
@@ -284,7 +288,9 @@ def test_only_vessels_of_the_recipe_are_named() -> None:
         for operation in all_operations(expanded):
             for name in ("vessel", "source", "target", "lower_to", "upper_to"):
                 vessel = operation.fields.get(name)
-                assert vessel is None or vessel in known or operation.kind is Kind.START_GAS, path
+                assert vessel is None or vessel in known or operation.kind is BasicKind.START_GAS, (
+                    path
+                )
 
 
 def reference_moves(run: dict[str, Any], graph: dict[str, Any]) -> Counter[tuple[str, float]]:
@@ -320,7 +326,7 @@ def test_every_addition_is_one_that_the_reference_makes(path: Path) -> None:
     ours = Counter(
         (str(o.fields["reagent"]), round(float(str(o.fields["volume_ml"])), 4))
         for o in all_operations(expanded)
-        if o.kind is Kind.ADD_LIQUID and "volume_ml" in o.fields
+        if o.kind is BasicKind.ADD_LIQUID and "volume_ml" in o.fields
     )
     assert ours
     assert set(ours - reference_moves(run, graph)) <= SPLIT

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_rinses import add, rinses
@@ -37,7 +37,9 @@ def pushed(*, is_wet: bool) -> tuple[dict[str, Any], str]:
 
 
 def test_what_wets_the_lines_is_rinsed_out_before_water_carries_it_onto_its_enemy() -> None:
-    plan = compiled(text(*STEPS), two_wastes({}), Wish(groups=CYANIDE, rinse=("acetone", "water")))
+    plan = compiled(
+        text(*STEPS), two_wastes({}), CompileWish(groups=CYANIDE, rinse=("acetone", "water"))
+    )
     kinds = [(does["kind"], does.get("lot")) for does in claims(plan, "transfer", "clean")]
     after = kinds[kinds.index(("transfer", "dcm")) + 1 :]
     assert after[:3] == [("clean", "acetone")] * 3
@@ -45,7 +47,7 @@ def test_what_wets_the_lines_is_rinsed_out_before_water_carries_it_onto_its_enem
 
 
 def test_without_a_solvent_for_rinsing_it_is_refused_with_what_would_help() -> None:
-    for wish in (Wish(groups=CYANIDE), Wish(groups=CYANIDE, rinse=("acid",))):
+    for wish in (CompileWish(groups=CYANIDE), CompileWish(groups=CYANIDE, rinse=("acid",))):
         found = refused(text(*STEPS), two_wastes({}), wish)
         assert [one.code for one in found] == ["plan.no_rinse"]
         assert "wet with dcm" in found[0].message
@@ -72,14 +74,14 @@ def test_the_verifier_sees_what_is_carried_by_itself() -> None:
 def test_where_the_recipe_brings_them_together_or_nothing_is_left_nothing_is_rinsed(
     steps: tuple[str, ...],
 ) -> None:
-    plan = compiled(text(*steps), two_wastes({}), Wish(groups=CYANIDE))
+    plan = compiled(text(*steps), two_wastes({}), CompileWish(groups=CYANIDE))
     assert rinses(plan) == []
     assert plan["steps"] == compiled(text(*steps), two_wastes({}))["steps"]
 
 
 def test_a_trace_that_the_recipe_brings_there_does_not_free_what_wets_the_lines() -> None:
     more = (some("dcm", 0.1), add("dcm"), add("water", "separator"))
-    found = refused(text(*DILUTED, *more), two_wastes({}), Wish(groups=CYANIDE))
+    found = refused(text(*DILUTED, *more), two_wastes({}), CompileWish(groups=CYANIDE))
     assert [one.code for one in found] == ["plan.no_rinse"]
     plan = compiled(text(*DILUTED, *more), two_wastes({}))
     told = unproved(plan | {"groups": CYANIDE, "keeps_apart": True}, rig_of(two_wastes({})))
@@ -89,7 +91,7 @@ def test_a_trace_that_the_recipe_brings_there_does_not_free_what_wets_the_lines(
 def test_a_rinse_leaves_no_solvent_in_the_lines_that_must_not_come_into_the_vessel() -> None:
     groups = {"acid": ["water_reactive"], "water": ["water"], "dcm": ["halogenated"]}
     steps = text(add("acid"), add("base", "separator"), add("dcm"))
-    plan = compiled(steps, two_wastes({}), Wish(groups=groups, rinse=("water",)))
+    plan = compiled(steps, two_wastes({}), CompileWish(groups=groups, rinse=("water",)))
     assert claims(plan)[-1]["lot"] == "dcm"
     assert claims(plan)[-2]["kind"] == "transfer"
 
@@ -97,17 +99,17 @@ def test_a_rinse_leaves_no_solvent_in_the_lines_that_must_not_come_into_the_vess
 def test_gas_pushes_nothing_onto_its_enemy_that_wets_another_syringe() -> None:
     graph, steps = pushed(is_wet=True)
     groups = {"acid": ["acid"], "base": ["cyanide"], "water": ["water"]}
-    found = refused(steps, graph, Wish(groups=groups, primes=True))
+    found = refused(steps, graph, CompileWish(groups=groups, primes=True))
     assert "plan.no_rinse" in {one.code for one in found}
-    plan = compiled(steps, graph, Wish(groups=groups, rinse=("water",), primes=True))
+    plan = compiled(steps, graph, CompileWish(groups=groups, rinse=("water",), primes=True))
     kinds = [does["kind"] for does in claims(plan)]
     assert kinds[-1] == "push"
     assert kinds[-2] == "clean"
-    free = compiled(steps, graph, Wish(primes=True))
+    free = compiled(steps, graph, CompileWish(primes=True))
     told = unproved(free | {"groups": groups, "keeps_apart": True}, rig_of(graph))
     assert {one.code for one in told} == {"interpret.incompatible"}
     graph, steps = pushed(is_wet=False)
-    assert rinses(compiled(steps, graph, Wish(groups=groups, primes=True))) == []
+    assert rinses(compiled(steps, graph, CompileWish(groups=groups, primes=True))) == []
 
 
 def test_parted_phases_carry_nothing_onto_its_enemy_either() -> None:
@@ -126,9 +128,9 @@ def test_parted_phases_carry_nothing_onto_its_enemy_either() -> None:
             if link[end] == "flask_spare":
                 link[end], link["port"] = "filter", link["port"].replace(",0", ",top")
     graph["links"] = [one for one in graph["links"] if one["source"] != "filter"]
-    found = refused(steps, graph, Wish(groups=CYANIDE))
+    found = refused(steps, graph, CompileWish(groups=CYANIDE))
     assert {one.code for one in found} == {"plan.no_rinse"}
-    plan = compiled(steps, graph, Wish(groups=CYANIDE, rinse=("acetone",)))
+    plan = compiled(steps, graph, CompileWish(groups=CYANIDE, rinse=("acetone",)))
     assert claims(plan)[-1]["kind"] == "separate"
     assert claims(plan)[-2]["kind"] == "clean"
 
@@ -150,7 +152,7 @@ def test_what_lines_have_brought_is_weighed_against_what_comes_later(
     steps: tuple[str, ...],
 ) -> None:
     graph = two_wastes({})
-    found = refused(text(*steps), graph, Wish(groups=CYANIDE))
+    found = refused(text(*steps), graph, CompileWish(groups=CYANIDE))
     assert {one.code for one in found} == {"plan.no_rinse"}
     assert "dcm" in found[0].message
     assert "--rinse" in found[0].message
@@ -161,7 +163,7 @@ def test_what_lines_have_brought_is_weighed_against_what_comes_later(
 
 
 def test_it_is_rinsed_out_before_it_gets_there() -> None:
-    wish = Wish(groups=CYANIDE, rinse=("acetone",))
+    wish = CompileWish(groups=CYANIDE, rinse=("acetone",))
     plan = compiled(text(*LATER[0]), two_wastes({}), wish)
     order = [(does["kind"], does.get("lot")) for does in claims(plan, "transfer", "clean")]
     assert order[order.index(("transfer", "dcm")) + 1 :][:3] == [("clean", "acetone")] * 3
@@ -181,11 +183,11 @@ def test_it_is_rinsed_out_before_it_gets_there() -> None:
 def test_what_has_left_the_vessel_or_was_brought_there_by_the_recipe_hinders_nothing(
     steps: tuple[str, ...],
 ) -> None:
-    assert rinses(compiled(text(*steps), two_wastes({}), Wish(groups=CYANIDE))) == []
+    assert rinses(compiled(text(*steps), two_wastes({}), CompileWish(groups=CYANIDE))) == []
 
 
 def test_a_solid_that_comes_by_hand_finds_what_lines_have_brought() -> None:
     steps = text(*THEN_WATER, 'AddSolid vessel="separator" reagent="acid" mass="1 g"')
-    found = refused(steps, two_wastes({}), Wish(groups=CYANIDE))
+    found = refused(steps, two_wastes({}), CompileWish(groups=CYANIDE))
     assert [one.code for one in found] == ["plan.no_rinse"]
-    assert compiled(steps, two_wastes({}), Wish(groups=CYANIDE, rinse=("acetone",)))
+    assert compiled(steps, two_wastes({}), CompileWish(groups=CYANIDE, rinse=("acetone",)))

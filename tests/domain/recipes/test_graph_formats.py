@@ -10,14 +10,14 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.graph.elements import Role
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.rig.model import RigFormat
-from labweb.domain.graph.rig.read import read_rig, unpacked
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.recipes.graph_formats.convert import Target, convert, family_of
+from labweb.domain.graph.elements import ElementRole
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.rig.rig_model import RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig, unpacked
+from labweb.domain.graph.rig.rig_write import write_rig
+from labweb.domain.recipes.graph_formats.convert_graph import Target, convert, family_of
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.opening import Asked, open_recipe
+from labweb.domain.recipes.recipe_preview import PreviewAsked, open_recipe
 from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.domain.recipes.rigs import chemputer
 from tests.domain.recipes.test_advice_on_labs import ADD, SEPARATE, SEPARATOR, recipe
@@ -88,8 +88,8 @@ def test_a_chemputer_graph_is_a_lab_on_which_the_recipe_is_proved() -> None:
     row = json.dumps(full).encode()
     raw = convert(row, Target.LABWEB, "Row").raw
     assert read_lab(raw).name == "Row"
-    answer = open_recipe(Asked(name="r", recipe=RECIPE, graph=raw))
-    own = open_recipe(Asked(name="r", recipe=RECIPE, graph=row))
+    answer = open_recipe(PreviewAsked(name="r", recipe=RECIPE, graph=raw))
+    own = open_recipe(PreviewAsked(name="r", recipe=RECIPE, graph=row))
     assert (answer["findings"], answer["is_proved"]) == ([], True)
     assert answer["plan"]["totals"]["delivered_ul"] == own["plan"]["totals"]["delivered_ul"]
 
@@ -100,7 +100,7 @@ def test_a_label_of_an_empty_flask_is_told_for_a_lab_says_by_contents_what_is_in
 
 def test_a_lab_is_a_chemputer_graph_on_which_the_recipe_is_proved() -> None:
     raw = convert(STARTER, Target.CHEMPUTER, "x").raw
-    asked = Asked(name="r", recipe=recipe(ADD), graph=STARTER)
+    asked = PreviewAsked(name="r", recipe=recipe(ADD), graph=STARTER)
     for graph in (STARTER, raw):
         answer = open_recipe(replace(asked, graph=graph))
         assert (answer["findings"], answer["is_proved"]) == ([], True), answer["findings"]
@@ -108,7 +108,7 @@ def test_a_lab_is_a_chemputer_graph_on_which_the_recipe_is_proved() -> None:
 
 def test_a_station_is_a_chemputer_graph_on_which_the_recipe_is_proved() -> None:
     raw = convert(station(), Target.CHEMPUTER, "x").raw
-    answer = open_recipe(Asked(name="r", recipe=recipe(ADD), graph=raw))
+    answer = open_recipe(PreviewAsked(name="r", recipe=recipe(ADD), graph=raw))
     assert (answer["findings"], answer["is_proved"]) == ([], True)
 
 
@@ -247,7 +247,9 @@ def test_a_lab_as_a_station_says_how_much_is_held_in_millilitres() -> None:
     assert config["pump_1"]["max_volume"] == 5
     assert config["reactor_1"]["max_volume"] == 100
     assert not any("capacity_ul" in one for one in config.values())
-    pumps = {one.key: one.capacity_nl for one in read_rig(raw).elements if one.role is Role.PUMP}
+    pumps = {
+        one.key: one.capacity_nl for one in read_rig(raw).elements if one.role is ElementRole.PUMP
+    }
     assert pumps == {"pump_1": 5_000_000, "pump_2": 5_000_000}
     back = plain(convert(raw, Target.LABWEB, "x").raw)
     (reactor,) = (one for one in back["resources"] if one["key"] == "reactor_1")

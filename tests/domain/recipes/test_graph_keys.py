@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.recipes.graph_formats.convert import Target, convert
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.recipes.graph_formats.convert_graph import Target, convert
 from tests.domain.recipes.test_wastes import two_wastes
 
 

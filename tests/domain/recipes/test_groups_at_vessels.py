@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_wastes import GROUPS, refused, text, two_wastes
 
 POURED = text('Transfer from_vessel="acid" to_vessel="waste_aqueous" volume="5 mL"')
-WISH = Wish(groups=GROUPS)
+WISH = CompileWish(groups=GROUPS)
 
 
 def rig(**at_waste: object) -> dict[str, Any]:
@@ -32,7 +32,7 @@ def test_acid_is_not_poured_onto_what_a_waste_says_is_in_it() -> None:
 
 
 def test_what_is_in_a_waste_may_be_declared_by_its_name() -> None:
-    wish = Wish(groups={**GROUPS, "NaCN": ["cyanide"]})
+    wish = CompileWish(groups={**GROUPS, "NaCN": ["cyanide"]})
     assert [one.code for one in refused(POURED, held(), wish)] == ["plan.incompatible"]
 
 
@@ -49,11 +49,11 @@ def test_the_verifier_reads_what_a_waste_says_by_itself() -> None:
 def test_words_at_a_vessel_of_several_lots_are_of_none_until_they_are_declared() -> None:
     graph = held(groups=["salt"])
     both = {"waste_aqueous": {"water": 1_000_000}}
-    found = refused(POURED, graph, Wish(groups=GROUPS, holds_nl=both))
+    found = refused(POURED, graph, CompileWish(groups=GROUPS, holds_nl=both))
     assert [one.code for one in found] == ["plan.unknown_chemistry"]
     assert "NaCN, water" in found[0].message
     known = {**GROUPS, "NaCN": ["salt"]}
-    plan = compiled(POURED, graph, Wish(groups=known, holds_nl=both))
+    plan = compiled(POURED, graph, CompileWish(groups=known, holds_nl=both))
     assert plan["groups"]["NaCN"] == ["salt"]
 
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import execute
-from labweb.domain.proof.matter import Range
-from labweb.domain.proof.plan import parse_plan
-from labweb.domain.proof.state import State
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import execute
+from labweb.domain.proof.lot_amount_ranges import Range
+from labweb.domain.proof.plan_read import parse_plan
+from labweb.domain.proof.plan_state import State
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe, unproved
 from tests.domain.recipes.test_advice import advised
 

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.json_form import parse_json
-from labweb.domain.recipes.xdl.markup import MAX_BYTES, parse_markup, render_markup
-from labweb.domain.recipes.xdl.read import check_document
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xdl_json import parse_json
+from labweb.domain.recipes.xdl.file_format.xml_tree import MAX_BYTES, parse_markup, render_markup
 
 GOOD: dict[str, Any] = {
     "xdl": "2.0.0",

@@ -7,15 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.markup import (
+from labweb.domain.recipes.xdl.file_format.xml_tree import (
     MAX_BYTES,
     MAX_DEPTH,
     Attribute,
     Comment,
-    Document,
-    Element,
     Instruction,
-    Text,
+    XmlDocument,
+    XmlElement,
+    XmlText,
     parse_markup,
     render_markup,
 )
@@ -94,14 +94,14 @@ ATTRIBUTES = st.lists(st.builds(Attribute, NAMES, VALUES), max_size=4, unique_by
 def _without_neighbours(children: list[object]) -> tuple[object, ...]:
     kept: list[object] = []
     for child in children:
-        if not (isinstance(child, Text) and kept and isinstance(kept[-1], Text)):
+        if not (isinstance(child, XmlText) and kept and isinstance(kept[-1], XmlText)):
             kept.append(child)
     return tuple(kept)
 
 
-def _elements(children: st.SearchStrategy[object]) -> st.SearchStrategy[Element]:
+def _elements(children: st.SearchStrategy[object]) -> st.SearchStrategy[XmlElement]:
     return st.builds(
-        Element,
+        XmlElement,
         NAMES,
         ATTRIBUTES.map(tuple),
         st.lists(children, max_size=4).map(_without_neighbours),
@@ -110,8 +110,8 @@ def _elements(children: st.SearchStrategy[object]) -> st.SearchStrategy[Element]
 
 NODES = st.recursive(
     st.builds(Comment, COMMENTS)
-    | st.builds(Text, WORDS)
-    | st.builds(Element, NAMES, ATTRIBUTES.map(tuple)),
+    | st.builds(XmlText, WORDS)
+    | st.builds(XmlElement, NAMES, ATTRIBUTES.map(tuple)),
     _elements,
     max_leaves=12,
 )
@@ -120,8 +120,8 @@ INSTRUCTIONS = st.builds(Instruction, NAMES, st.just('version="2.0.0"'))
 
 @settings(max_examples=50)
 @given(_elements(NODES), st.lists(INSTRUCTIONS | st.builds(Comment, COMMENTS), max_size=3))
-def test_what_is_written_is_read_back_the_same(root: Element, before: list[Comment]) -> None:
-    document = Document(root, tuple(before), (Comment("end"),))
+def test_what_is_written_is_read_back_the_same(root: XmlElement, before: list[Comment]) -> None:
+    document = XmlDocument(root, tuple(before), (Comment("end"),))
     assert parse_markup(render_markup(document).encode()) == document
 
 

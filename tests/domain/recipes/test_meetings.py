@@ -11,19 +11,19 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.proof.encounters import Encounters, Gift
-from labweb.domain.proof.lines import Lines
-from labweb.domain.proof.matter import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.unplanned_mixing import Encounters, Gift
+from labweb.domain.proof.wetted_lines import Lines
 from labweb.domain.recipes.on_rig.matter import exactly
 from labweb.domain.recipes.on_rig.meetings import Meetings, Pour, kept_of
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import claims, compiled, recipe, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_rinses import add, rinses
 from tests.domain.recipes.test_wastes import BOTH, GROUPS, clean, refused, text, two_wastes
 from tests.domain.recipes.test_wastes import stirred as with_stirrer
 
-WISH = Wish(groups=GROUPS, rinse=("water",))
+WISH = CompileWish(groups=GROUPS, rinse=("water",))
 TO_WASTE = 'Transfer from_vessel="{}" to_vessel="waste_aqueous" volume="{}"'
 UL = 1000 * UNITS_PER_NL
 STARTER = Path(__file__).parents[3] / "fixtures/labs/starter/lab.json"
@@ -156,7 +156,7 @@ def holding_cyanide() -> dict[str, Any]:
 
 def test_what_wets_the_lines_goes_into_no_waste_with_another_liquid_either() -> None:
     steps = (add("acid", "separator"), TO_WASTE.format("dcm", "5 mL"))
-    wish = Wish(groups={**GROUPS, "NaCN": ["cyanide"]})
+    wish = CompileWish(groups={**GROUPS, "NaCN": ["cyanide"]})
     found = refused(text(*steps), holding_cyanide(), wish)
     assert [one.code for one in found] == ["plan.incompatible"]
     assert "what wets the lines to waste_aqueous: acid" in found[0].message
@@ -164,7 +164,7 @@ def test_what_wets_the_lines_goes_into_no_waste_with_another_liquid_either() -> 
     next(n for n in graph["nodes"] if n["id"] == "waste_aqueous").update(
         chemical="NaCN", current_volume=50, groups=["cyanide"]
     )
-    plan = compiled(text(*steps), graph, Wish(groups=GROUPS, rinse=("water",)))
+    plan = compiled(text(*steps), graph, CompileWish(groups=GROUPS, rinse=("water",)))
     assert set(rinses(plan)) == {("water", "waste_organic")}
 
 
@@ -186,10 +186,10 @@ def test_what_a_rinse_left_in_a_waste_is_known_when_another_liquid_comes() -> No
     graph = two_wastes({"waste_aqueous": ["aqueous", "acid", "base", "cyanide"]})
     groups = {**GROUPS, "base": ["cyanide"]}
     poured = TO_WASTE.format("base", "5 mL")
-    assert compiled(text(*steps), graph, Wish(groups=groups))
-    found = refused(text(*steps, poured), graph, Wish(groups=groups))
+    assert compiled(text(*steps), graph, CompileWish(groups=groups))
+    found = refused(text(*steps, poured), graph, CompileWish(groups=groups))
     assert [one.code for one in found] == ["plan.incompatible"]
-    plan = compiled(text(*steps, poured), graph, Wish(groups=GROUPS | {"base": ["water"]}))
+    plan = compiled(text(*steps, poured), graph, CompileWish(groups=GROUPS | {"base": ["water"]}))
     plan["groups"] = groups
     assert {one.code for one in unproved(plan, rig_of(graph))} >= {"interpret.incompatible"}
 
@@ -197,11 +197,11 @@ def test_what_a_rinse_left_in_a_waste_is_known_when_another_liquid_comes() -> No
 def test_groups_at_a_waste_in_which_nothing_is_are_told() -> None:
     graph = two_wastes({})
     next(n for n in graph["nodes"] if n["id"] == "waste_aqueous")["groups"] = ["cyanide"]
-    found = refused(text(add("acid")), graph, Wish(groups=GROUPS))
+    found = refused(text(add("acid")), graph, CompileWish(groups=GROUPS))
     assert [(one.code, one.subject) for one in found] == [
         ("plan.unknown_chemistry", "waste_aqueous")
     ]
-    plan = compiled(text(add("acid")), two_wastes({}), Wish(groups=GROUPS))
+    plan = compiled(text(add("acid")), two_wastes({}), CompileWish(groups=GROUPS))
     told = unproved(plan, rig_of(graph))
     assert [one.code for one in told] == ["interpret.chemistry"]
     assert "waste_aqueous" in told[0].message
@@ -210,7 +210,7 @@ def test_groups_at_a_waste_in_which_nothing_is_are_told() -> None:
 def test_what_is_together_in_a_vessel_from_the_start_has_met() -> None:
     held = {"reactor": {"acid": 10**7, "base": 10**7}}
     steps = (TO_WASTE.format("reactor", "5 mL"),) * 2
-    plan = compiled(text(*steps), two_wastes({}), Wish(groups=GROUPS, holds_nl=held))
+    plan = compiled(text(*steps), two_wastes({}), CompileWish(groups=GROUPS, holds_nl=held))
     assert [does["to"] for does in claims(plan, "transfer")] == ["waste_aqueous"] * 2
 
 
@@ -224,9 +224,9 @@ def test_what_was_left_in_a_vessel_meets_nothing_in_another_either(*, is_first: 
     steps = (moved, add("acid", "separator"))
     steps = steps if is_first else steps[::-1]
     groups = {**GROUPS, "NaCN": ["cyanide"]}
-    found = refused(text(*steps), graph, Wish(groups=groups, rinse=("water",)))
+    found = refused(text(*steps), graph, CompileWish(groups=groups, rinse=("water",)))
     assert [one.code for one in found] == ["plan.incompatible"]
-    plan = compiled(text(*steps), graph, Wish(groups=GROUPS, rinse=("water",)))
+    plan = compiled(text(*steps), graph, CompileWish(groups=GROUPS, rinse=("water",)))
     plan |= {"groups": groups, "keeps_apart": True}
     told = [one for one in unproved(plan, rig_of(graph)) if one.code == "interpret.incompatible"]
     assert ["one of them was left" in one.message for one in told] == [True]
@@ -251,10 +251,10 @@ def starter(avoids: list[str], reactor: str = "") -> dict[str, Any]:
     return lab
 
 
-def asked(*steps: str) -> tuple[str, Wish]:
+def asked(*steps: str) -> tuple[str, CompileWish]:
     hardware = "".join(f'<Component id="{key}" type="flask"/>' for key in (*VESSELS, "waste"))
     reagents = ("acid", "dye", "water")
-    wish = Wish(bind={name: name for name in (*VESSELS, *reagents)})
+    wish = CompileWish(bind={name: name for name in (*VESSELS, *reagents)})
     return recipe(*steps, hardware=hardware, reagents=reagents), wish
 
 

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.volumes import check_volumes
-from labweb.domain.recipes.opening import Asked
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.stated_volumes import check_volumes
+from labweb.domain.recipes.recipe_preview import PreviewAsked
 from tests.domain.recipes.plans import compiled, unproved
 from tests.domain.recipes.test_advice_on_labs import ADD, recipe
 from tests.domain.recipes.test_advice_on_stations import advised, station
@@ -58,7 +58,7 @@ def test_a_vessel_of_microlitres_overflows_and_is_exchanged_for_one_of_microlitr
     with pytest.raises(LabError) as caught:
         compiled(recipe(ADD), graph)
     assert [one.code for one in caught.value.findings] == ["plan.overflow"]
-    advice = advised(Asked(name="r", recipe=recipe(ADD), graph=json.dumps(graph).encode()))
+    advice = advised(PreviewAsked(name="r", recipe=recipe(ADD), graph=json.dumps(graph).encode()))
     (change,) = advice["changes"]
     assert "which holds 0.36 mL, for one of " in change["text"]
     new = next(one for one in json.loads(advice["graph"])["nodes"] if one["id"] == "main")
@@ -170,7 +170,7 @@ def test_a_graph_with_links_and_edges_is_refused() -> None:
 def test_a_vessel_is_exchanged_wherever_its_size_is_said(said_so: dict[str, Any]) -> None:
     graph: dict[str, Any] = json.loads(station())
     next(one for one in graph["nodes"] if one["id"] == "main").update(said_so)
-    advice = advised(Asked(name="r", recipe=recipe(ADD), graph=json.dumps(graph).encode()))
+    advice = advised(PreviewAsked(name="r", recipe=recipe(ADD), graph=json.dumps(graph).encode()))
     (change,) = advice["changes"]
     assert "which holds 1 mL, for one of 25 mL" in change["text"]
     new = next(one for one in json.loads(advice["graph"])["nodes"] if one["id"] == "main")

@@ -8,11 +8,11 @@ from __future__ import annotations
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.xdl.expansion.basic import Kind
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind
 from labweb.domain.recipes.xdl.expansion.expand import all_operations, expand
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.domain.recipes.plans import bench, claims, compiled, recipe
 
 ADD = 'Add vessel="filter" reagent="water" volume="20 mL"'
@@ -91,7 +91,7 @@ def test_what_is_eluted_is_eluted_as_often_as_it_says(times: int) -> None:
     )
     read, findings = check_document(parse_markup(recipe(step).encode()))
     assert not findings
-    eluted = [o for o in all_operations(expand(unfold(read))) if o.kind is Kind.ADD_LIQUID]
+    eluted = [o for o in all_operations(expand(unfold(read))) if o.kind is BasicKind.ADD_LIQUID]
     assert len(eluted) == times
 
 

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.on_rig.binding import Binding
-from labweb.domain.recipes.on_rig.conditions import start_stir
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.on_rig.binding import RigBinding
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.on_rig.making import Making
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
-from labweb.domain.recipes.xdl.findings import Findings
+from labweb.domain.recipes.on_rig.steps.conditions import start_stir
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind, BasicOperation
+from labweb.domain.recipes.xdl.file_format.findings import Findings
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe
 
 ADD = 'Add vessel="reactor" reagent="water" volume="20 mL"'
@@ -174,9 +174,9 @@ def test_what_is_called_after_steps_beside_is_a_note() -> None:
 
 def test_a_vessel_that_is_bound_to_nothing_is_told_where_nobody_has_told_it() -> None:
     rig = read_rig(json.dumps(bench()).encode())
-    binding = Binding(vessels={}, reagents={})
+    binding = RigBinding(vessels={}, reagents={})
     making = Making(equipment=Equipment(rig), binding=binding, told=Findings())
-    stir = BasicOperation(kind=Kind.START_STIR, fields={"vessel": "reactor"})
+    stir = BasicOperation(kind=BasicKind.START_STIR, fields={"vessel": "reactor"})
     start_stir(making, stir)
     assert [one.code for one in making.told.all] == ["plan.no_vessel"]
     assert making.steps == []

@@ -11,18 +11,18 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.rig.lab import render_graph
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.prove import Proof
-from labweb.domain.recipes import recipe_on_rig
-from labweb.domain.recipes.opening import Asked, advise_on, open_recipe, workflow_from
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.rig.lab_as_rig import render_graph
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.prove_plan import Proof
+from labweb.domain.recipes import compile_recipe_file
+from labweb.domain.recipes.recipe_preview import PreviewAsked, advise_on, open_recipe, workflow_from
 
 LABS = Path(__file__).parents[3] / "fixtures/labs"
 RECIPE = (LABS / "three_stations/protocols/acetylation.xdl").read_bytes()
 ROW = (LABS / "three_stations/row.json").read_bytes()
-ASKED = Asked(name="acetylation", recipe=RECIPE, graph=ROW)
+ASKED = PreviewAsked(name="acetylation", recipe=RECIPE, graph=ROW)
 
 WATER = b"""<XDL><Synthesis><Hardware><Component id="reactor" type="reactor"/></Hardware>
 <Reagents><Reagent name="Water"/></Reagents>
@@ -116,7 +116,7 @@ def test_what_is_bound_by_hand_is_what_the_plan_uses() -> None:
 
 def test_a_plan_that_is_not_proved_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = Finding("interpret.overflow", "step 7: it is too full", "step 7")
-    monkeypatch.setattr(recipe_on_rig, "prove", lambda *_: Proof((wrong,)))
+    monkeypatch.setattr(compile_recipe_file, "prove", lambda *_: Proof((wrong,)))
     answer = open_recipe(ASKED)
     assert (answer["plan"], answer["is_proved"]) == (None, False)
     assert [f["code"] for f in answer["findings"]] == ["plan.not_proved", "interpret.overflow"]
@@ -168,7 +168,7 @@ def test_advice_comes_with_a_graph_on_which_the_recipe_compiles() -> None:
 
 
 def test_a_lab_of_ours_is_a_rig_too() -> None:
-    answer = open_recipe(Asked(name="warm", recipe=WATER, graph=STARTER))
+    answer = open_recipe(PreviewAsked(name="warm", recipe=WATER, graph=STARTER))
     assert (answer["findings"], answer["is_proved"]) == ([], True)
     assert binding(answer, "reactor")["keys"] == ["reactor_1"]
     assert answer["plan"]["steps"][0]["does"]["kind"]
@@ -188,29 +188,29 @@ def test_a_lab_is_a_rig_whatever_its_instruments_are_reached_by() -> None:
 
 def test_a_workflow_takes_the_keys_that_are_bound_or_is_refused_whole() -> None:
     keys = {"Water": "water", "reactor": "reactor_1"}
-    found = workflow_from(Asked(name="warm", recipe=WATER, graph=STARTER, bind=keys))
+    found = workflow_from(PreviewAsked(name="warm", recipe=WATER, graph=STARTER, bind=keys))
     assert found["document"]["steps"][0]["params"]["target"] == "@reactor_1"
     assert found["proved"]["sources"] == {"water": "Water"}
     with pytest.raises(LabError) as refusal:
-        workflow_from(Asked(name="acetylation", recipe=RECIPE, graph=ROW))
+        workflow_from(PreviewAsked(name="acetylation", recipe=RECIPE, graph=ROW))
     assert {finding.code for finding in refusal.value.findings} >= {"xdl.not_a_key"}
 
 
 def test_on_the_lab_a_recipe_is_a_workflow_too_but_not_with_a_reagent_in_two_flasks() -> None:
-    asked = Asked(name="warm", recipe=WATER, graph=STARTER, is_of_lab=True)
+    asked = PreviewAsked(name="warm", recipe=WATER, graph=STARTER, is_of_lab=True)
     document = open_recipe(asked)["document"]
     assert [step["kind"] for step in document["steps"]] == [
         "transfer",
         "heat_chill",
         "stop_heat_stir",
     ]
-    assert open_recipe(Asked(name="warm", recipe=WATER, graph=STARTER))["document"] is None
+    assert open_recipe(PreviewAsked(name="warm", recipe=WATER, graph=STARTER))["document"] is None
     two = json.loads(STARTER)
     water = next(lot["material"] for lot in two["lots"] if lot["key"] == "water_lot")
     for lot in two["lots"]:
         lot["material"] = water
     graph = json.dumps(two).encode()
-    answer = open_recipe(Asked(name="warm", recipe=WATER, graph=graph, is_of_lab=True))
+    answer = open_recipe(PreviewAsked(name="warm", recipe=WATER, graph=graph, is_of_lab=True))
     several = [row for row in answer["bindings"] if len(row["keys"]) > 1]
     assert (len(several), answer["document"]) == (1, None)
     assert not [one for one in answer["findings"] if one["about"] == "workflow"]

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.opening import Asked, open_recipe
-from labweb.domain.recipes.xdl.spec import Property
-from labweb.domain.recipes.xdl.values import read_value, unit_of, written
+from labweb.domain.recipes.recipe_preview import PreviewAsked, open_recipe
+from labweb.domain.recipes.xdl.file_format.attribute_values import read_value, unit_of, written
+from labweb.domain.recipes.xdl.tables.step_spec import Property
 from tests.domain.recipes.plans import bench, recipe
 from tests.domain.recipes.test_opening import STARTER, WATER, binding
 from tests.domain.workflows.station import DECLARED, LAB
@@ -39,10 +39,10 @@ ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
 def asked(
     text: str,
     graph: dict[str, Any] | None = None,
-    **wishes: Any,  # noqa: ANN401 - any field of `Asked`
+    **wishes: Any,  # noqa: ANN401 - any field of `PreviewAsked`
 ) -> dict[str, Any]:
     raw = json.dumps(graph or bench()).encode()
-    return open_recipe(replace(Asked(name="r", recipe=text.encode(), graph=raw), **wishes))
+    return open_recipe(replace(PreviewAsked(name="r", recipe=text.encode(), graph=raw), **wishes))
 
 
 def told(answer: dict[str, Any]) -> list[tuple[str, str]]:
@@ -129,7 +129,7 @@ def test_a_reagent_in_two_flasks_says_so_and_one_of_them_can_be_chosen() -> None
 
 def test_a_flask_that_looks_like_the_reagent_is_named_and_never_taken() -> None:
     text = WATER.replace(b"Water", b"water").decode()
-    answer = open_recipe(Asked(name="warm", recipe=text.encode(), graph=STARTER))
+    answer = open_recipe(PreviewAsked(name="warm", recipe=text.encode(), graph=STARTER))
     finding = next(f for f in answer["findings"] if f["code"] == "plan.no_reagent")
     assert "water holds 'Water'" in finding["message"]
     assert finding["context"]["alike"] == ["water"]
@@ -171,7 +171,7 @@ def test_a_flask_that_holds_something_is_not_taken_for_an_empty_one() -> None:
     <Procedure><Add vessel="reactor" reagent="Water" volume="2 mL"/>
     <Transfer from_vessel="reactor" to_vessel="product" volume="all"/></Procedure>
     </Synthesis></XDL>"""
-    answer = open_recipe(Asked(name="r", recipe=text.encode(), graph=STARTER))
+    answer = open_recipe(PreviewAsked(name="r", recipe=text.encode(), graph=STARTER))
     (finding,) = answer["findings"]
     assert finding["code"] == "plan.vessel_ambiguous"
     assert "flask_1, flask_2:" in finding["message"]
@@ -179,7 +179,7 @@ def test_a_flask_that_holds_something_is_not_taken_for_an_empty_one() -> None:
 
 
 def test_no_plan_is_made_while_what_is_stated_cannot_be_read() -> None:
-    asked = Asked(name="warm", recipe=WATER, graph=STARTER, bind={"reactor": "reactor_1"})
+    asked = PreviewAsked(name="warm", recipe=WATER, graph=STARTER, bind={"reactor": "reactor_1"})
     assert open_recipe(asked)["is_proved"] is True
     answer = open_recipe(replace(asked, declared=b"{}x"))
     assert (answer["plan"], answer["is_proved"]) == (None, None)
@@ -188,7 +188,7 @@ def test_no_plan_is_made_while_what_is_stated_cannot_be_read() -> None:
 def stating(raw: bytes) -> dict[str, Any]:
     graph = (LAB / "lab.json").read_bytes()
     recipe_raw = (LAB / "protocols/benzhydryl_acetate.xdl").read_bytes()
-    return open_recipe(Asked(name="one", recipe=recipe_raw, graph=graph, declared=raw))
+    return open_recipe(PreviewAsked(name="one", recipe=recipe_raw, graph=graph, declared=raw))
 
 
 def test_what_is_stated_beside_the_recipe_binds() -> None:

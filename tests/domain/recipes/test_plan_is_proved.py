@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.rig_read import read_rig
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe, unproved
 
 

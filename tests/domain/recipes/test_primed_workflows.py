@@ -16,13 +16,13 @@ import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.errors import LabError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.recipes.agreement.check import check_agreement
-from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.recipes.recipe_preview import PreviewAsked, open_recipe, workflow_from
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
+from labweb.domain.workflows.workflow_file import parse_workflow, resolve_keys
 from tests.domain.recipes.plans import claims, recipe
 from tests.domain.recipes.test_opening import STARTER
 from tests.domain.workflows.station import view_of
@@ -50,10 +50,10 @@ def lab(*, gas: str = "argon") -> dict[str, Any]:
     return found
 
 
-def asked(*steps: str, primes: bool = True) -> Asked:
+def asked(*steps: str, primes: bool = True) -> PreviewAsked:
     text = recipe(*steps, hardware=REACTOR, reagents=("water",)).encode()
     raw = json.dumps(lab()).encode()
-    return Asked(name="primed", recipe=text, graph=raw, bind=BIND, primes=primes)
+    return PreviewAsked(name="primed", recipe=text, graph=raw, bind=BIND, primes=primes)
 
 
 def document(*steps: str) -> dict[str, Any]:

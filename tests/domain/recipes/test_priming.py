@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import claims, compiled, recipe, unproved
 from tests.domain.recipes.rigs import chemputer, rig_of
 
@@ -21,7 +21,7 @@ STEPS = recipe(
     hardware='<Component id="reactor" type="reactor"/>',
     reagents=("water",),
 )
-PRIMED = Wish(primes=True)
+PRIMED = CompileWish(primes=True)
 VOLUMES = {"flask_water": 0.4, "reactor": 0.6}
 
 

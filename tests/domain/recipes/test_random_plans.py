@@ -12,13 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import compile_recipe
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
-from labweb.domain.recipes.xdl.recipe import Recipe
+from labweb.domain.recipes.recipe_to_plan import compile_recipe
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
 from tests.domain.recipes.invent import Invented, pairs
 from tests.domain.recipes.plans import unproved
 

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError, UnitError
-from labweb.domain.recipes.xdl import step_table as table
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_available, check_document, read_xdl
-from labweb.domain.recipes.xdl.spec import STEPS
-from labweb.domain.recipes.xdl.values import Quantity, read_value
+from labweb.domain.recipes.xdl.file_format.attribute_values import XdlQuantity, read_value
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_available, check_document, read_xdl
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
+from labweb.domain.recipes.xdl.tables import step_table as table
+from labweb.domain.recipes.xdl.tables.step_spec import STEPS
 from tests.domain.recipes.asking import codes, recipe, refused, text
 
 ADD = '<Add vessel="reactor" reagent="water" volume="5 mL"/>'
@@ -26,7 +26,7 @@ def test_a_step_is_read_with_its_values() -> None:
     assert step.name == "Add"
     assert step.values["vessel"] == "reactor"
     assert step.values["stir"] is True
-    assert isinstance(step.values["volume"], Quantity)
+    assert isinstance(step.values["volume"], XdlQuantity)
     assert step.values["volume"].exact == 5
 
 

@@ -19,7 +19,7 @@ import pytest
 
 from benchmarks.corpus_volumes import Volumes, of_plan, of_trace
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.plans import check_claims, check_strokes, compiled
 
@@ -84,7 +84,7 @@ def own_volumes(plan: dict[str, Any], graph: dict[str, Any]) -> Volumes:
     return of_plan(plan, {node["id"]: node for node in graph["nodes"]})
 
 
-def codes(raw: bytes, graph: dict[str, Any], wish: Wish | None = None) -> list[str]:
+def codes(raw: bytes, graph: dict[str, Any], wish: CompileWish | None = None) -> list[str]:
     try:
         compiled(raw, graph, wish)
     except LabError as error:
@@ -92,7 +92,7 @@ def codes(raw: bytes, graph: dict[str, Any], wish: Wish | None = None) -> list[s
     return []
 
 
-def judged(run: dict[str, Any], raw: bytes, graph: dict[str, Any], wish: Wish) -> str:
+def judged(run: dict[str, Any], raw: bytes, graph: dict[str, Any], wish: CompileWish) -> str:
     """Compile on the rig as published, then widened; compare what reaches the vessels."""
     why = codes(raw, graph, wish)
     wide = widened(graph)
@@ -117,11 +117,11 @@ def judged(run: dict[str, Any], raw: bytes, graph: dict[str, Any], wish: Wish) -
 def native_row(name: str) -> str:
     run = loaded(XDL / f"oracle_native/{name}.json.gz")
     graph = loaded(XDL.parent / run["graph"])
-    return f"| `{name}` | {judged(run, recipe_file(name).read_bytes(), graph, Wish())} |"
+    return f"| `{name}` | {judged(run, recipe_file(name).read_bytes(), graph, CompileWish())} |"
 
 
-def unit_wish(name: str) -> Wish:
-    return Wish(holds_nl={k: {"mixture": v * 10**6} for k, v in HOLDS.get(name, {}).items()})
+def unit_wish(name: str) -> CompileWish:
+    return CompileWish(holds_nl={k: {"mixture": v * 10**6} for k, v in HOLDS.get(name, {}).items()})
 
 
 @cache
@@ -137,7 +137,7 @@ def cross_row(name: str) -> str:
     run = loaded(XDL / f"cross_rig/{name}.oracle.json.gz")
     graph = loaded(XDL / "cross_rig" / run["graph"])
     raw = recipe_file(run["recipe"]).read_bytes()
-    return f"| `{name.replace('__ON__', '` on `')}` | {judged(run, raw, graph, Wish())} |"
+    return f"| `{name.replace('__ON__', '` on `')}` | {judged(run, raw, graph, CompileWish())} |"
 
 
 UNITS = sorted(p.name.removesuffix(".json.gz") for p in (XDL / "oracle_unit").glob("*.gz"))

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import (
     bench,
     check_claims,
@@ -124,7 +124,7 @@ def test_what_only_follows_from_another_want_is_not_told() -> None:
 def test_a_reagent_is_never_taken_from_a_flask_of_a_like_name() -> None:
     text = recipe('Add vessel="reactor" reagent="Water" volume="5 mL"', reagents=("Water",))
     assert reasons(text, bench()) == ["plan.no_reagent"]
-    plan = compiled(text, bench(), Wish(bind={"Water": "flask_water"}))
+    plan = compiled(text, bench(), CompileWish(bind={"Water": "flask_water"}))
     assert plan["bindings"]["reagents"] == {"Water": "flask_water"}
 
 
@@ -142,7 +142,7 @@ def test_two_vessels_that_could_be_meant_are_a_question() -> None:
     hardware = '<Component id="pot" type="reactor"/>'
     text = recipe('Add vessel="pot" reagent="water" volume="5 mL"', hardware=hardware)
     assert reasons(text, graph) == ["plan.vessel_ambiguous"]
-    assert compiled(text, graph, Wish(bind={"pot": "reactor"}))
+    assert compiled(text, graph, CompileWish(bind={"pot": "reactor"}))
     stirred = recipe(
         'Add vessel="pot" reagent="water" volume="5 mL" stir="True"', hardware=hardware
     )
@@ -156,16 +156,18 @@ def test_a_vessel_of_the_wrong_sort_is_refused() -> None:
 
 
 def test_a_bind_that_means_nothing_is_refused() -> None:
-    wish = Wish(bind={"raector": "reactor", "water": "flask_nowhere"})
+    wish = CompileWish(bind={"raector": "reactor", "water": "flask_nowhere"})
     assert set(reasons(recipe(ADD), bench(), wish)) == {"plan.unknown_role", "plan.unknown_vessel"}
 
 
 def test_two_reagents_that_are_bound_to_one_flask_are_refused_before_anything_is_planned() -> None:
     both = recipe(ADD, 'Add vessel="reactor" reagent="ether" volume="5 mL"')
-    assert reasons(both, bench(), Wish(bind={"ether": "flask_water"})) == ["plan.shared_flask"]
-    assert reasons(both, bench(), Wish(bind={"ether": "flask_spare", "water": "flask_spare"})) == [
+    assert reasons(both, bench(), CompileWish(bind={"ether": "flask_water"})) == [
         "plan.shared_flask"
     ]
+    assert reasons(
+        both, bench(), CompileWish(bind={"ether": "flask_spare", "water": "flask_spare"})
+    ) == ["plan.shared_flask"]
 
 
 def test_a_heater_that_reaches_the_temperature_is_set_awaited_and_stopped() -> None:
@@ -283,7 +285,7 @@ def test_where_only_the_most_overflows_a_person_looks_first() -> None:
 def test_all_of_an_empty_vessel_is_refused_unless_somebody_says_what_is_in_it() -> None:
     text = recipe('Transfer from_vessel="reactor" to_vessel="filter" volume="all"')
     assert reasons(text, bench()) == ["plan.nothing_there"]
-    plan = compiled(text, bench(), Wish(holds_nl={"reactor": {"crude": 7_000_000}}))
+    plan = compiled(text, bench(), CompileWish(holds_nl={"reactor": {"crude": 7_000_000}}))
     assert claims(plan)[0]["most_ul"] == 7000.0
 
 
@@ -310,7 +312,7 @@ def test_solids_stay_on_a_filter_and_go_with_liquid_elsewhere() -> None:
 def test_lines_are_rinsed_before_another_liquid_when_a_reagent_for_it_is_named() -> None:
     steps = (ADD, 'Add vessel="reactor" reagent="ether" volume="5 mL"', ADD)
     graph = bench()
-    plan = compiled(recipe(*steps), graph, Wish(rinse=("ether",)))
+    plan = compiled(recipe(*steps), graph, CompileWish(rinse=("ether",)))
     rinses = claims(plan, "clean")
     assert [r["lot"] for r in rinses] == ["ether"] * len(rinses)
     assert len(rinses) == 2

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of
 from tests.domain.recipes.test_films import CYANIDE, some
@@ -32,7 +32,7 @@ def joined(plan: dict[str, Any]) -> dict[str, Any]:
 
 
 def test_a_mixture_that_crosses_a_valve_twice_finds_no_residue_of_itself() -> None:
-    plan = compiled(text(*TRACED), two_wastes({}), Wish(groups=GROUPS, rinse=("water",)))
+    plan = compiled(text(*TRACED), two_wastes({}), CompileWish(groups=GROUPS, rinse=("water",)))
     assert claims(plan)[-1]["all"] is True
     assert residues(plan) == []
 

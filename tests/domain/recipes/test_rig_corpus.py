@@ -13,12 +13,12 @@ import pytest
 
 from benchmarks.transfers import counts
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.chain import Wanted, find_chain
-from labweb.domain.graph.elements import Role
-from labweb.domain.graph.rig.model import Rig, RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.recipes.rig_transfers import compile_line
+from labweb.domain.graph.elements import ElementRole
+from labweb.domain.graph.rig.rig_model import Rig, RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.rig_write import write_rig
+from labweb.domain.graph.syringe_chain import WantedChain, find_chain
+from labweb.domain.recipes.transfers_on_rig import compile_line
 from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.domain.recipes.interpreter import Plumbing, check
 
@@ -76,7 +76,7 @@ def edges(path: list[Any]) -> list[tuple[str, str, str, str]]:
 def test_a_path_is_the_published_one_or_there_is_none(case: dict[str, Any]) -> None:
     network = rig(case["graph"]).network
     elements = network.elements
-    wanted = Wanted(
+    wanted = WantedChain(
         source=network.index[case["src"]],
         target=network.index[case["dest"]],
         source_port=str(case["src_port"]),
@@ -251,7 +251,7 @@ def test_plans_on_every_published_rig_move_the_amount_and_nothing_else() -> None
         if not any(tube.medium.value == "liquid" for tube in found.tubes):
             continue
         plumbing = Plumbing(value)
-        vessels = [e.key for e in found.network.elements if e.role is Role.VESSEL]
+        vessels = [e.key for e in found.network.elements if e.role is ElementRole.VESSEL]
         pairs = [(a, b) for a in vessels for b in vessels if a != b]
         for place, (source, target) in enumerate(pairs[::7]):
             ml = (0.1, 10, 60)[place % 3]

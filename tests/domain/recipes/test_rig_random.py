@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labweb.domain.recipes.rig_transfers import compile_line
+from labweb.domain.recipes.transfers_on_rig import compile_line
 from tests.domain.recipes.interpreter import Plumbing, check
 from tests.domain.recipes.rigs import rig_of
 

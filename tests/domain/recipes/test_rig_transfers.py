@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.rig_transfers import compile_line
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.transfers_on_rig import compile_line
 from tests.domain.recipes.interpreter import Plumbing, WrongError, check
 from tests.domain.recipes.rigs import ask, chemputer, codes_of, rig_of, steps_of, told
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import claims, compiled
 from tests.domain.recipes.test_rinses import CHLORIDE, add, rinses
 from tests.domain.recipes.test_wastes import GROUPS, refused, text, two_wastes
 
 RESET = 'ResetHandling solvent="water" volume="5 mL" repeats="1"'
 PURGE = "PurgeBackbone"
-WISH = Wish(groups={lot: words for lot, words in GROUPS.items() if lot != "acetone"})
+WISH = CompileWish(groups={lot: words for lot, words in GROUPS.items() if lot != "acetone"})
 
 
 def rig(*cyanides: str) -> dict[str, Any]:
@@ -39,9 +39,9 @@ def test_a_rinse_goes_into_no_waste_that_must_not_get_what_wets_the_lines() -> N
 
 def test_what_the_solvent_must_not_meet_is_washed_out_before_it() -> None:
     steps, graph = text(add("acid"), RESET), two_wastes({})
-    plan = compiled(steps, graph, Wish(groups=CHLORIDE, rinse=("acetone",)))
+    plan = compiled(steps, graph, CompileWish(groups=CHLORIDE, rinse=("acetone",)))
     assert [lot for lot, _ in rinses(plan)] == ["acetone"] * 3 + ["water"]
-    found = refused(steps, graph, Wish(groups=CHLORIDE))
+    found = refused(steps, graph, CompileWish(groups=CHLORIDE))
     assert [one.code for one in found] == ["plan.no_rinse"]
 
 

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from labweb.domain.resources.compatibility_table import STREAMS
 from tests.domain.recipes.plans import claims, compiled, unproved
 from tests.domain.recipes.rigs import rig_of
@@ -34,7 +34,7 @@ def rinses(plan: dict[str, Any]) -> list[tuple[str, str]]:
 def test_what_reacts_with_water_is_washed_out_three_times_before_water_comes() -> None:
     steps = text(add("acid"), add("water", "separator"))
     graph = two_wastes({"waste_aqueous": ["aqueous"], "waste_organic": ["organic"]})
-    plan = compiled(steps, graph, Wish(groups=CHLORIDE, rinse=("acetone",)))
+    plan = compiled(steps, graph, CompileWish(groups=CHLORIDE, rinse=("acetone",)))
     assert rinses(plan)[:3] == [("acetone", "waste_organic")] * 3
     assert [does["volume_ul"] for does in claims(plan, "clean")][:3] == [3000.0] * 3
     assert plan["totals"]["needed_ul"]["acetone"] == 3000.0 * len(rinses(plan))
@@ -47,9 +47,9 @@ def test_what_reacts_with_water_is_washed_out_three_times_before_water_comes() -
 def test_without_a_solvent_that_goes_with_both_it_is_refused_with_what_would_help() -> None:
     steps = text(add("acid"), add("water", "separator"))
     for wish in (
-        Wish(groups=CHLORIDE),
-        Wish(groups=CHLORIDE, rinse=("base",)),
-        Wish(groups=CHLORIDE | {"base": ["base"]}, rinse=("base",)),
+        CompileWish(groups=CHLORIDE),
+        CompileWish(groups=CHLORIDE, rinse=("base",)),
+        CompileWish(groups=CHLORIDE | {"base": ["base"]}, rinse=("base",)),
     ):
         found = refused(steps, two_wastes({}), wish)
         assert [one.code for one in found] == ["plan.no_rinse"]
@@ -66,9 +66,9 @@ def test_two_solvents_lead_from_one_liquid_to_the_next_when_no_single_one_does()
         "base": ["oxidizer"],
     }
     steps = text(add("base"), add("acid", "separator"))
-    one = Wish(groups=groups, rinse=("dcm", "acetone"))
+    one = CompileWish(groups=groups, rinse=("dcm", "acetone"))
     assert [one.code for one in refused(steps, two_wastes({}), one)] == ["plan.no_rinse"]
-    both = Wish(groups=groups, rinse=("dcm", "acetone", "water"))
+    both = CompileWish(groups=groups, rinse=("dcm", "acetone", "water"))
     washed = [lot for lot, _ in rinses(compiled(steps, two_wastes({}), both))]
     assert washed[:6] == ["water"] * 3 + ["dcm"] * 3
 
@@ -81,7 +81,7 @@ def test_a_rinse_turns_back_from_a_syringe_that_no_straight_way_goes_over() -> N
             link["port"] = ends[link["source"]]
             link["target"] = "valve_2" if link["source"] == "flask_acetone" else "valve_1"
     steps = text(add("acid"), add("water", "separator"))
-    plan = compiled(steps, graph, Wish(groups=CHLORIDE, rinse=("acetone",)))
+    plan = compiled(steps, graph, CompileWish(groups=CHLORIDE, rinse=("acetone",)))
     rinse = next(step for step in plan["steps"] if step["does"]["kind"] == "clean")
     moved = [c for group in rinse["actions"] for c in group if c["action"] == "aspirate"]
     assert [command["device"] for command in moved] == ["pump_2", "pump_1", "pump_2"]
@@ -96,14 +96,14 @@ def test_after_enough_of_another_liquid_nothing_is_left_of_the_first() -> None:
     more = 'Add vessel="reactor" reagent="dcm" volume="9 mL"'
     groups = CHLORIDE | {"dcm": ["halogenated"]}
     through = text(add("acid"), more, add("water", "separator"))
-    assert rinses(compiled(through, two_wastes({}), Wish(groups=groups))) == []
+    assert rinses(compiled(through, two_wastes({}), CompileWish(groups=groups))) == []
     less = text(add("acid"), more.replace("9 mL", "8 mL"), add("water", "separator"))
-    found = refused(less, two_wastes({}), Wish(groups=groups))
+    found = refused(less, two_wastes({}), CompileWish(groups=groups))
     assert [one.code for one in found] == ["plan.no_rinse"]
 
 
 def test_what_the_recipe_lets_meet_in_the_vessel_is_no_residue_but_is_told() -> None:
-    plan = compiled(text(add("acid"), add("water")), two_wastes({}), Wish(groups=CHLORIDE))
+    plan = compiled(text(add("acid"), add("water")), two_wastes({}), CompileWish(groups=CHLORIDE))
     assert rinses(plan) == []
     assert any(
         "water follows acid through the same syringes" in note and "in reactor" in note
@@ -114,7 +114,7 @@ def test_what_the_recipe_lets_meet_in_the_vessel_is_no_residue_but_is_told() -> 
 def test_the_verifier_misses_rinses_that_are_left_out() -> None:
     graph = two_wastes({})
     steps = text(add("acid"), add("water", "separator"))
-    plan = compiled(steps, graph, Wish(groups=CHLORIDE, rinse=("acetone",)))
+    plan = compiled(steps, graph, CompileWish(groups=CHLORIDE, rinse=("acetone",)))
     rig = rig_of(graph)
     cut = [step for step in plan["steps"] if step["does"]["kind"] != "clean"]
     for place, step in enumerate(cut, start=1):
@@ -158,7 +158,7 @@ def test_whatever_is_declared_no_plan_is_made_that_is_not_proved(
             )
     rinse = tuple(data.draw(st.lists(names, max_size=2, unique=True)))
     used = {name for name in declared if name in " ".join(steps) or name in rinse}
-    wish = Wish(groups={name: declared[name] for name in used}, rinse=rinse, primes=True)
+    wish = CompileWish(groups={name: declared[name] for name in used}, rinse=rinse, primes=True)
     graph = two_wastes(takes)
     for link in graph["links"]:
         link["volume"] = data.draw(st.sampled_from(("", 0.1, 0.7)))

@@ -10,13 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.json_form import parse_json, render_json
-from labweb.domain.recipes.xdl.markup import Attribute, Comment, Document, Element, render_markup
-from labweb.domain.recipes.xdl.notation_table import AMOUNTS, NOTATIONS
-from labweb.domain.recipes.xdl.read import check_document, read_xdl
-from labweb.domain.recipes.xdl.recipe import Recipe
-from labweb.domain.recipes.xdl.spec import STEPS, Property
-from labweb.domain.recipes.xdl.write import VERSIONS, render_as, render_xdl
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document, read_xdl
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.file_format.write_xdl import VERSIONS, render_as, render_xdl
+from labweb.domain.recipes.xdl.file_format.xdl_json import parse_json, render_json
+from labweb.domain.recipes.xdl.file_format.xml_tree import (
+    Attribute,
+    Comment,
+    XmlDocument,
+    XmlElement,
+    render_markup,
+)
+from labweb.domain.recipes.xdl.tables.notation_table import AMOUNTS, NOTATIONS
+from labweb.domain.recipes.xdl.tables.step_spec import STEPS, Property
 
 VESSELS = ["reactor", "flask 2", "filter"]
 REAGENTS = ["water", "2 N hydrochloric acid", "CH₂Cl₂ <dry> & cold"]
@@ -68,7 +74,7 @@ NAMES = [name for name, spec in STEPS.steps.items() if not spec.has_children and
 
 
 @st.composite
-def steps(draw: st.DrawFn) -> Element:
+def steps(draw: st.DrawFn) -> XmlElement:
     spec = STEPS.steps[draw(st.sampled_from(NAMES))]
     names = {p.name for p in spec.properties.values() if p.is_required}
     names |= {draw(st.sampled_from(group)) for group in spec.one_of}
@@ -76,7 +82,7 @@ def steps(draw: st.DrawFn) -> Element:
     names |= set(draw(st.lists(st.sampled_from(others), max_size=4)) if others else ())
     for group in spec.at_most_one:
         names -= set([name for name in group if name in names][1:])
-    return Element(
+    return XmlElement(
         spec.name,
         tuple(
             Attribute(name, draw(st.sampled_from(texts_of(spec.properties[name]))))
@@ -86,36 +92,36 @@ def steps(draw: st.DrawFn) -> Element:
 
 
 @st.composite
-def procedures(draw: st.DrawFn) -> list[Element | Comment]:
-    written: list[Element | Comment] = []
+def procedures(draw: st.DrawFn) -> list[XmlElement | Comment]:
+    written: list[XmlElement | Comment] = []
     for step in draw(st.lists(steps(), max_size=6)):
         written.append(step)
         match draw(st.integers(0, 5)):
             case 0:
                 written.append(Comment(f" {draw(st.sampled_from(WORDS)).replace('-', ' ')} "))
             case 1 if step.tag != "Monitor":
-                loop = Element("Repeat", (Attribute("repeats", "2"),), (Comment("in"), step))
+                loop = XmlElement("Repeat", (Attribute("repeats", "2"),), (Comment("in"), step))
                 written.append(loop)
     return written
 
 
-def _document(written: list[Element | Comment]) -> Document:
+def _document(written: list[XmlElement | Comment]) -> XmlDocument:
     hardware = tuple(
-        Element("Component", (Attribute("id", name), Attribute("type", "reactor")))
+        XmlElement("Component", (Attribute("id", name), Attribute("type", "reactor")))
         for name in VESSELS
     )
-    reagents = tuple(Element("Reagent", (Attribute("name", name),)) for name in REAGENTS)
+    reagents = tuple(XmlElement("Reagent", (Attribute("name", name),)) for name in REAGENTS)
     sections = (
-        Element("Hardware", (), hardware),
-        Element("Reagents", (), reagents),
-        Element("Procedure", (), tuple(written)),
+        XmlElement("Hardware", (), hardware),
+        XmlElement("Reagents", (), reagents),
+        XmlElement("Procedure", (), tuple(written)),
     )
-    return Document(Element("XDL", (), (Element("Synthesis", (), sections),)))
+    return XmlDocument(XmlElement("XDL", (), (XmlElement("Synthesis", (), sections),)))
 
 
 @settings(max_examples=60, deadline=None)
 @given(procedures())
-def test_a_recipe_of_any_steps_survives_every_form(written: list[Element | Comment]) -> None:
+def test_a_recipe_of_any_steps_survives_every_form(written: list[XmlElement | Comment]) -> None:
     document = _document(written)
     recipe = read_xdl(render_markup(document).encode())
     assert recipe.document == document

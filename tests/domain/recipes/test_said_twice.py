@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.markup import parse_markup
-from labweb.domain.recipes.xdl.read import check_document
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.read_xdl import check_document
+from labweb.domain.recipes.xdl.file_format.xml_tree import parse_markup
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.domain.recipes.plans import bench, compiled, reasons, recipe
 
 ADD = 'Add vessel="reactor" reagent="water" {said}'

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError, ProtocolError
-from labweb.domain.recipes.opening import Asked, workflow_from
-from labweb.domain.recipes.xdl.chosen import OnRig
-from labweb.domain.recipes.xdl.declared import Declared
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.recipes.recipe_preview import PreviewAsked, workflow_from
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.chosen_vessels import OnRig
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.domain.workflows.solids import filter_file, filter_lab, filter_raw, on, planned
 
 _HEAD = """<XDL><Synthesis><Hardware><Component id="filter" type="filter"/>
@@ -163,7 +163,7 @@ def test_the_workflow_does_what_the_plan_of_the_rig_is_proved_to_do() -> None:
         "keys": {"filter": "separator", "ether": "bottle_ether"},
     }
     steps = ADD + FILTER + WASH + DRY + DISSOLVE + CLEAN
-    asked = Asked(
+    asked = PreviewAsked(
         name="Solids",
         recipe=recipe_of(steps)
         .replace(b'<Component id="reactor" type="reactor"/>', b"")

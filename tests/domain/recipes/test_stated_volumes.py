@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.volumes import check_volumes
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.stated_volumes import check_volumes
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe, unproved
 
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'

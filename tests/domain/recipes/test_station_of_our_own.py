@@ -18,23 +18,23 @@ from typing import Any
 import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.graph.rig.lab import render_graph
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import execute
-from labweb.domain.proof.plan import parse_plan
-from labweb.domain.recipes.advise.search import Advice, advise
-from labweb.domain.recipes.opening import Asked, open_recipe
-from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.declared import bindings, read_declared
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.graph.rig.lab_as_rig import render_graph
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import execute
+from labweb.domain.proof.plan_read import parse_plan
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
+from labweb.domain.recipes.recipe_preview import PreviewAsked, open_recipe
+from labweb.domain.recipes.recipe_to_plan import CompileWish
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import bindings, read_declared
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from tests.domain.recipes.plans import claims, compiled, reasons, recipe, unproved
 from tests.domain.workflows.station import DECLARED, recipe_document, station_file, workflow
 from tests.domain.workflows.station import station as view
 
 LAB = Path(__file__).parents[3] / "fixtures/labs/organic_synthesis"
 RECIPE = (LAB / "protocols/benzhydryl_acetate.xdl").read_bytes()
-WISH = Wish(bind=bindings(read_declared(DECLARED.read_bytes()), read_xdl(RECIPE)))
+WISH = CompileWish(bind=bindings(read_declared(DECLARED.read_bytes()), read_xdl(RECIPE)))
 UL = 10**9
 """Units of the verifier in a microlitre."""
 
@@ -173,7 +173,7 @@ def test_the_instruments_are_those_of_the_run() -> None:
 
 def test_the_lab_as_the_server_writes_it_is_opened_and_planned() -> None:
     graph = render_graph(station_file())
-    opened = open_recipe(Asked(name="one", recipe=RECIPE, graph=graph, bind=WISH.bind))
+    opened = open_recipe(PreviewAsked(name="one", recipe=RECIPE, graph=graph, bind=WISH.bind))
     assert (opened["findings"], opened["is_proved"]) == ([], True)
     assert len(opened["plan"]["steps"]) == len(whole()["steps"])
 
@@ -224,7 +224,7 @@ def test_a_device_without_a_driver_is_told() -> None:
 def test_a_speed_that_a_stirrer_does_not_reach_is_refused(rpm: str) -> None:
     steps = f'Stir vessel="reactor" time="5 min" stir_speed="{rpm} RPM"'
     text = recipe('Add vessel="reactor" reagent="water" volume="5 mL"', steps)
-    wish = Wish(bind={"water": "bottle_water", "filter": "crude"})
+    wish = CompileWish(bind={"water": "bottle_water", "filter": "crude"})
     assert reasons(text, lab(), wish) == ["plan.out_of_range"]
 
 
@@ -243,7 +243,7 @@ def test_advice_brings_a_receiver_and_takes_no_flask_that_is_there_for_one() -> 
 def test_names_say_nothing() -> None:
     graph, new = renamed()
     own = {"reactor": "reactor", "separator": "separator", "crude": "crude"}
-    wish = Wish(bind={name: new[key] for name, key in {**WISH.bind, **own}.items()})
+    wish = CompileWish(bind={name: new[key] for name, key in {**WISH.bind, **own}.items()})
     plan, plain = compiled(RECIPE, graph, wish), whole()
     kinds = [step["does"]["kind"] for step in plan["steps"]]
     assert kinds == [step["does"]["kind"] for step in plain["steps"]]
@@ -312,7 +312,7 @@ def test_what_the_lab_does_not_state_is_not_taken_from_a_name(
 ) -> None:
     graph, bound = lab(), {n: k for n, k in WISH.bind.items() if n != "silica"}
     change(graph)
-    assert code in reasons(RECIPE, graph, Wish(bind=bound))
+    assert code in reasons(RECIPE, graph, CompileWish(bind=bound))
 
 
 def test_a_cartridge_is_chosen_by_hand_where_the_lab_says_no_filling() -> None:

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.spec import METADATA, REAGENT, STEPS, Property
-from labweb.domain.recipes.xdl.step_table import PARENTS
-from labweb.domain.recipes.xdl.write import VERSIONS, render_as, render_xdl
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.file_format.write_xdl import VERSIONS, render_as, render_xdl
+from labweb.domain.recipes.xdl.tables.step_spec import METADATA, REAGENT, STEPS, Property
+from labweb.domain.recipes.xdl.tables.step_table import PARENTS
 from tests.corpus import NO_XDL, XDL
 
 PUBLISHED = XDL / "xdl_step_table.json"

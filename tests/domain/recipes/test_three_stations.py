@@ -8,11 +8,11 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import execute
-from labweb.domain.proof.matter import NOTHING, Range
-from labweb.domain.proof.plan import parse_plan
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import execute
+from labweb.domain.proof.lot_amount_ranges import NOTHING, Range
+from labweb.domain.proof.plan_read import parse_plan
+from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 from tests.domain.recipes.plans import check_strokes, compiled
 
 LAB = Path(__file__).parents[3] / "fixtures/labs/three_stations"
@@ -37,7 +37,7 @@ def ledger(plan: dict[str, Any], graph: dict[str, Any], act: int) -> Ledger:
     part = plan | head | {"steps": steps, "totals": {}}
     state = execute(rig, parse_plan(json.dumps(part).encode()))
     names = {key: name for name, key in plan["bindings"]["vessels"].items()}
-    wastes = {k for k, sort in Equipment(rig).vessels.items() if sort is Sort.WASTE}
+    wastes = {k for k, sort in Equipment(rig).vessels.items() if sort is VesselSort.WASTE}
     found: Ledger = {}
     for key, contents in state.contents.items():
         name = "waste" if key in wastes else names.get(key)

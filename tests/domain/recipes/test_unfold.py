@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import ProtocolError
-from labweb.domain.recipes.xdl.acts import Act, in_order
-from labweb.domain.recipes.xdl.queues import plan_queues
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.unfold import unfold
-from labweb.domain.recipes.xdl.values import Quantity
+from labweb.domain.recipes.xdl.file_format.attribute_values import XdlQuantity
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.timing.act_times import plan_queues
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct, in_order
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.asking import TEST_TABLE, recipe
 
@@ -59,20 +59,20 @@ ERRORS = [name for name, case in CASES.items() if case["expect"].startswith("err
 FLAT = [name for name, case in CASES.items() if any("flattened" in key for key in case)]
 
 
-def acts_of(name: str) -> tuple[Act, ...]:
+def acts_of(name: str) -> tuple[RecipeAct, ...]:
     read = read_xdl(case_file(name).read_bytes(), table=TEST_TABLE)
     return unfold(read, table=TEST_TABLE, **(CASES[name].get("args") or {}))
 
 
-def flat(acts: tuple[Act, ...]) -> list[Act]:
+def flat(acts: tuple[RecipeAct, ...]) -> list[RecipeAct]:
     return list(
         in_order(acts, lambda act, rounds: rounds >= int(str(act.values["target_repeats"])))
     )
 
 
-def number(act: Act, name: str) -> Decimal | None:
+def number(act: RecipeAct, name: str) -> Decimal | None:
     value = act.values.get(name)
-    return value.exact if isinstance(value, Quantity) else None
+    return value.exact if isinstance(value, XdlQuantity) else None
 
 
 @needs_corpus
@@ -135,7 +135,7 @@ def test_blueprints_unfold_to_the_published_steps_and_amounts(name: str) -> None
     for act, (_, props) in zip(found, wanted, strict=True):
         for prop in set(props) & {"mass", "volume", "time", "temp", "pressure", "rinsing_volume"}:
             value = act.values.get(prop)
-            if isinstance(value, Quantity) and value.word == "all":
+            if isinstance(value, XdlQuantity) and value.word == "all":
                 continue  # How much that is, only a rig can tell.
             published_number = props[prop]
             if published_number is None:

@@ -9,9 +9,13 @@ import pytest
 
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.errors import UnitError
-from labweb.domain.recipes.xdl import notation_table as table
-from labweb.domain.recipes.xdl.spec import Property
-from labweb.domain.recipes.xdl.values import Quantity, read_amount, read_value
+from labweb.domain.recipes.xdl.file_format.attribute_values import (
+    XdlQuantity,
+    read_amount,
+    read_value,
+)
+from labweb.domain.recipes.xdl.tables import notation_table as table
+from labweb.domain.recipes.xdl.tables.step_spec import Property
 from labweb.domain.units import Notation, parse_exact, read_quantity
 from tests.corpus import NO_XDL, XDL
 
@@ -124,7 +128,7 @@ def of(sort: str, text: str) -> object:
 )
 def test_a_quantity_is_read_exactly(sort: str, text: str, value: str) -> None:
     found = of(sort, text)
-    assert isinstance(found, Quantity)
+    assert isinstance(found, XdlQuantity)
     if found.word:
         assert found.word == value
     elif ".." in value:
@@ -166,7 +170,7 @@ def test_an_amount_without_a_unit_of_amount_is_refused(text: str) -> None:
 @pytest.mark.parametrize(("text", "sort"), [("2 M", "concentration"), ("37 wt %", "mass_fraction")])
 def test_a_concentration_is_molar_or_a_mass_fraction(text: str, sort: str) -> None:
     found = of("concentration", text)
-    assert isinstance(found, Quantity)
+    assert isinstance(found, XdlQuantity)
     assert found.sort == sort
 
 
@@ -179,8 +183,8 @@ def test_what_is_shown_as_an_example_can_be_read(name: str) -> None:
 
 def test_a_person_and_xdl_mean_the_same_by_the_same_words() -> None:
     some, cold = of("volume", "5 mL"), of("temperature", "-78 °C")
-    assert isinstance(some, Quantity)
-    assert isinstance(cold, Quantity)
+    assert isinstance(some, XdlQuantity)
+    assert isinstance(cold, XdlQuantity)
     assert some.exact is not None
     assert parse_exact("5 mL", "volume") == 1000 * some.exact
     assert parse_exact("-78 °C", "temperature") == cold.exact
@@ -206,7 +210,7 @@ def test_whatever_xdl_writes_a_person_may_write_too(
     alone = {name for name in read if name == "m" or name.startswith("m3")}
     for unit in read - alone:
         found = of(sort, f"7 {unit}")
-        assert isinstance(found, Quantity)
+        assert isinstance(found, XdlQuantity)
         assert found.exact is not None
         meant = parse_exact(f"7 {unit}", dimension)
         assert float(meant) == pytest.approx(float(found.exact * factor)), unit
@@ -230,7 +234,7 @@ def test_the_published_conversions_are_exact() -> None:
     for case in published["unit_conversion"]:
         for text in case["equivalent_texts"]:
             found = of(sorts[case["quantity"]], text)
-            assert isinstance(found, Quantity)
+            assert isinstance(found, XdlQuantity)
             assert found.exact == Decimal(str(case["standard_value"])), text
     refused = published["must_be_refused(Reagent property)"]
     sort_of = {"density": "density", "molecular_weight": "molar_mass"}

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.recipes.on_rig import gases
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.on_rig.steps import gases
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import (
     ATTACHED,
     BENCH,
@@ -93,7 +93,7 @@ def test_what_one_vacuum_would_do_to_two_vessels_is_refused(
 
 
 def test_what_a_vessel_held_before_is_not_evacuated_either() -> None:
-    wish = Wish(holds_nl={"rotavap": {"oil": 10**6}})
+    wish = CompileWish(holds_nl={"rotavap": {"oil": 10**6}})
     assert reasons(steps(DRY), shared(), wish) == ["plan.vacuum_shared"]
 
 
@@ -132,7 +132,7 @@ def test_the_port_of_the_collecting_flask_does_not_mean_the_other_flask() -> Non
 
 
 def test_vessels_are_taken_off_a_vacuum_that_is_always_on_before_anything_else() -> None:
-    wish = Wish(holds_nl={"filter": {"oil": 10**6}})
+    wish = CompileWish(holds_nl={"filter": {"oil": 10**6}})
     text = recipe(TO_FILTER, 'Filter vessel="filter"')
     plan = compiled(text, always_on(), wish)
     first = plan["steps"][0]

@@ -17,10 +17,10 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.recipes.on_rig.chemistry import read_chemistry
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from tests.domain.recipes.plans import claims, compiled, recipe, unproved
 from tests.domain.recipes.rigs import chemputer, rig_of
 
@@ -89,7 +89,7 @@ def poured(plan: dict[str, Any]) -> list[str]:
     return [does["to"] for does in claims(plan, "transfer") if does["to"].startswith("waste")]
 
 
-def refused(steps: str, graph: dict[str, Any], wish: Wish) -> list[Finding]:
+def refused(steps: str, graph: dict[str, Any], wish: CompileWish) -> list[Finding]:
     with pytest.raises(LabError) as caught:
         compiled(steps, graph, wish)
     return list(caught.value.findings)
@@ -99,14 +99,14 @@ def test_each_liquid_goes_into_the_waste_that_takes_it() -> None:
     plan = compiled(
         text(clean("dcm"), clean("acid"), clean("acetone")),
         stirred(two_wastes()),
-        Wish(groups=GROUPS, rinse=("acetone",)),
+        CompileWish(groups=GROUPS, rinse=("acetone",)),
     )
     assert poured(plan) == ["waste_organic", "waste_aqueous", "waste_organic"]
     assert plan["groups"]["acid"] == ["acid", "water"]
 
 
 def test_a_liquid_of_which_nobody_says_what_it_is_is_refused_where_wastes_are_divided() -> None:
-    found = refused(text(clean("dcm")), stirred(two_wastes()), Wish())
+    found = refused(text(clean("dcm")), stirred(two_wastes()), CompileWish())
     assert [one.code for one in found] == ["plan.unknown_chemistry"]
     assert "dcm" in found[0].message
     assert "declare its groups" in found[0].message
@@ -148,12 +148,14 @@ def test_a_cas_number_says_what_a_pure_reagent_is() -> None:
     plain = text(clean("dcm")).replace('id="dcm"', 'id="dcm" cas="75-09-2"')
     assert poured(compiled(plain, graph)) == ["waste_organic"]
     solution = plain.replace("75-09-2", "1310-73-2")
-    assert [one.code for one in refused(solution, graph, Wish())] == ["plan.unknown_chemistry"]
+    assert [one.code for one in refused(solution, graph, CompileWish())] == [
+        "plan.unknown_chemistry"
+    ]
 
 
 def test_no_waste_for_a_stream_names_what_each_takes() -> None:
     takes = {"waste_aqueous": ["aqueous"], "waste_organic": ["organic"]}
-    found = refused(text(clean("dcm")), stirred(two_wastes(takes)), Wish(groups=GROUPS))
+    found = refused(text(clean("dcm")), stirred(two_wastes(takes)), CompileWish(groups=GROUPS))
     assert [one.code for one in found] == ["plan.no_stream"]
     assert "waste_organic takes organic" in found[0].message
 
@@ -162,13 +164,13 @@ def test_acid_does_not_go_onto_base_while_another_waste_takes_it() -> None:
     plan = compiled(
         text(clean("base"), clean("acid")),
         stirred(two_wastes(BOTH)),
-        Wish(groups=GROUPS, rinse=("water",)),
+        CompileWish(groups=GROUPS, rinse=("water",)),
     )
     assert poured(plan) == ["waste_aqueous", "waste_organic"]
 
 
 def test_what_must_not_meet_is_refused_with_both_names_and_the_vessel() -> None:
-    wish = Wish(groups=GROUPS, rinse=("water",))
+    wish = CompileWish(groups=GROUPS, rinse=("water",))
     found = refused(text(clean("base"), clean("acid")), stirred(two_wastes()), wish)
     assert [one.code for one in found] == ["plan.incompatible"]
     message = found[0].message
@@ -182,7 +184,7 @@ def test_an_acid_that_the_recipe_has_neutralized_goes_onto_either() -> None:
         'Add vessel="reactor" reagent="base" volume="10 mL"',
         'Transfer from_vessel="reactor" to_vessel="waste_aqueous" volume="all"',
     )
-    wish = Wish(groups=GROUPS, rinse=("water",))
+    wish = CompileWish(groups=GROUPS, rinse=("water",))
     assert poured(compiled(text(*steps), stirred(two_wastes(BOTH)), wish))[-1] == "waste_aqueous"
 
 
@@ -191,7 +193,7 @@ def test_what_the_recipe_pours_into_a_waste_by_name_is_looked_at_too() -> None:
         'Add vessel="reactor" reagent="dcm" volume="10 mL"',
         'Transfer from_vessel="reactor" to_vessel="waste_aqueous" volume="all"',
     )
-    found = refused(text(*steps), two_wastes(), Wish(groups=GROUPS))
+    found = refused(text(*steps), two_wastes(), CompileWish(groups=GROUPS))
     assert [one.code for one in found] == ["plan.no_stream"]
 
 
@@ -205,7 +207,7 @@ def test_of_parted_phases_the_recipe_says_into_which_waste() -> None:
     graph["nodes"].append({"id": "stirrer_s", "class": "HeiTORQUE_100"})
     link = {"id": "s", "source": "stirrer_s", "target": "separator", "port": "(,)"}
     graph["links"].append(link)
-    wish = Wish(groups=GROUPS)
+    wish = CompileWish(groups=GROUPS)
     found = refused(text(add, separate.format("")), graph, wish)
     assert {one.code for one in found} == {"plan.no_stream"}
     named = separate.format(' waste_phase_to_vessel="waste_aqueous"')
@@ -214,7 +216,7 @@ def test_of_parted_phases_the_recipe_says_into_which_waste() -> None:
 
 
 def test_a_word_that_is_no_group_and_a_name_that_is_nowhere_are_told() -> None:
-    wish = Wish(groups={"dcm": ["halogenate"], "ether": ["ether"]})
+    wish = CompileWish(groups={"dcm": ["halogenate"], "ether": ["ether"]})
     found = refused(text(clean("dcm")), stirred(two_wastes()), wish)
     codes = {one.code for one in found}
     assert codes >= {"plan.unknown_group", "xdl.not_declared"}
@@ -223,7 +225,7 @@ def test_a_word_that_is_no_group_and_a_name_that_is_nowhere_are_told() -> None:
 
 def test_the_verifier_refuses_a_waste_that_does_not_take_it() -> None:
     graph = stirred(two_wastes())
-    plan = compiled(text(clean("dcm")), graph, Wish(groups=GROUPS))
+    plan = compiled(text(clean("dcm")), graph, CompileWish(groups=GROUPS))
     for step in plan["steps"]:
         if step["does"].get("to") == "waste_organic":
             step["does"]["to"] = "waste_aqueous"
@@ -253,7 +255,7 @@ def test_a_waste_that_one_move_fills_hundreds_of_times_is_refused(
             node["max_volume"] = size_ml
     for link in graph["links"]:
         link["volume"] = tube_ml
-    found = refused(text(clean("dcm")), graph, Wish(primes=True))
+    found = refused(text(clean("dcm")), graph, CompileWish(primes=True))
     assert {one.code for one in found} == {"plan.overflow"}
     assert "more than 500 times" in found[0].message
 
@@ -266,8 +268,8 @@ def test_what_a_person_has_seen_to_be_there_goes_into_no_waste_that_does_not_tak
         'Transfer from_vessel="separator" to_vessel="waste_aqueous" volume="2 mL"',
     )
     graph = two_wastes({"waste_aqueous": ["acid"], "waste_organic": ["aqueous"]})
-    found = refused(steps, graph, Wish(groups=GROUPS))
+    found = refused(steps, graph, CompileWish(groups=GROUPS))
     assert [one.code for one in found] == ["plan.no_stream"]
     assert "waste_organic" not in found[0].context["wastes"]
     allowed = two_wastes({"waste_aqueous": ["aqueous"], "waste_organic": ["aqueous"]})
-    assert claims(compiled(steps, allowed, Wish(groups=GROUPS)))[-1]["to"] == "waste_aqueous"
+    assert claims(compiled(steps, allowed, CompileWish(groups=GROUPS)))[-1]["to"] == "waste_aqueous"

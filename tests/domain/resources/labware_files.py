@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from labweb.domain.resources.labware.definition import LabwareDefinition
-from labweb.domain.resources.labware.opentrons import parse_opentrons
+from labweb.domain.resources.labware.labware_definition import LabwareDefinition
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
 from tests.corpus import LABWARE
 
 OPENTRONS = LABWARE / "opentrons"

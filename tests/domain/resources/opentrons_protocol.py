@@ -7,10 +7,19 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from labweb.domain.resources.labware.deck import DeckDefinition, Slot, parse_opentrons_deck
-from labweb.domain.resources.labware.definition import LabwareDefinition, Vector
-from labweb.domain.resources.labware.opentrons import parse_opentrons
-from labweb.domain.resources.labware.place import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.labware_definition import LabwareDefinition, Vector
+from labweb.domain.resources.labware.labware_pose import (
+    Module,
+    WellAnchor,
+    find_corner,
+    well_position,
+)
+from labweb.domain.resources.labware.opentrons_deck import (
+    DeckDefinition,
+    Slot,
+    parse_opentrons_deck,
+)
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
 from labweb.domain.resources.pose import Pose
 from tests.domain.resources.labware_files import OPENTRONS, Json, load
 
@@ -88,7 +97,7 @@ class Bench:
         where = told.get("wellLocation") or {}
         offset = Vector(*(float(where.get("offset", {}).get(axis, 0)) for axis in "xyz"))
         origin = where.get("origin", "top")
-        anchor = Anchor.TOP if origin == "default" else Anchor(origin)
+        anchor = WellAnchor.TOP if origin == "default" else WellAnchor(origin)
         well = labware.find_well(told["wellName"])
         return well_position(Pose(*self.corner(told["labwareId"])), well, anchor, offset)
 

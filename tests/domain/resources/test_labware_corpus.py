@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.resources.labware.deck import parse_opentrons_deck
-from labweb.domain.resources.labware.definition import LabwareDefinition, Vector
-from labweb.domain.resources.labware.geometry import capacity_ul, level_mm, volume_ul
-from labweb.domain.resources.labware.opentrons import parse_opentrons
-from labweb.domain.resources.labware.place import find_corner, well_position
+from labweb.domain.resources.labware.labware_definition import LabwareDefinition, Vector
+from labweb.domain.resources.labware.labware_pose import find_corner, well_position
+from labweb.domain.resources.labware.opentrons_deck import parse_opentrons_deck
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
+from labweb.domain.resources.labware.well_geometry import capacity_ul, level_mm, volume_ul
 from labweb.domain.resources.pose import Pose
 from tests.corpus import LABWARE, NO_LABWARE
 from tests.domain.resources.labware_files import OPENTRONS, load, published

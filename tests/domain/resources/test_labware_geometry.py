@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.errors import InfeasibleError
-from labweb.domain.resources.labware.geometry import (
+from labweb.domain.resources.labware.well_geometry import (
     Cavity,
     Conical,
     Cuboidal,

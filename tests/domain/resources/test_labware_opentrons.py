@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.errors import DefinitionError, NotFoundError
-from labweb.domain.resources.labware.definition import Vector
-from labweb.domain.resources.labware.geometry import Conical, Table
-from labweb.domain.resources.labware.opentrons import parse_opentrons
+from labweb.domain.resources.labware.labware_definition import Vector
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
+from labweb.domain.resources.labware.well_geometry import Conical, Table
 from tests.domain.resources.labware_files import Json, a_v3_plate, an_opentrons_plate
 
 

@@ -7,10 +7,15 @@ import math
 import pytest
 
 from labweb.domain.errors import DefinitionError, InfeasibleError, NotFoundError
-from labweb.domain.resources.labware.deck import Slot, parse_opentrons_deck
-from labweb.domain.resources.labware.definition import Footprint, LabwareDefinition, Vector
-from labweb.domain.resources.labware.opentrons import parse_opentrons
-from labweb.domain.resources.labware.place import Anchor, Module, find_corner, well_position
+from labweb.domain.resources.labware.labware_definition import Footprint, LabwareDefinition, Vector
+from labweb.domain.resources.labware.labware_pose import (
+    Module,
+    WellAnchor,
+    find_corner,
+    well_position,
+)
+from labweb.domain.resources.labware.opentrons_deck import Slot, parse_opentrons_deck
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
 from labweb.domain.resources.pose import Pose, compose
 from tests.domain.resources.labware_files import Json, a_v3_plate, an_opentrons_plate
 
@@ -43,8 +48,8 @@ def test_labware_of_schema_2_stands_at_the_corner_of_the_slot() -> None:
     where = Pose(*corner)
     well = a_plate().find_well("A1")
     assert well_position(where, well) == (175, 129, 5.5)
-    assert well_position(where, well, Anchor.TOP, Vector(0, 0, -1)) == (175, 129, 14.5)
-    assert well_position(where, well, Anchor.CENTER) == (175, 129, 10.5)
+    assert well_position(where, well, WellAnchor.TOP, Vector(0, 0, -1)) == (175, 129, 14.5)
+    assert well_position(where, well, WellAnchor.CENTER) == (175, 129, 10.5)
 
 
 def test_labware_of_schema_3_is_pushed_to_the_back_left_of_its_slot() -> None:

@@ -11,10 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.errors import DefinitionError
-from labweb.domain.resources.labware.definition import Vector
-from labweb.domain.resources.labware.geometry import volume_ul
-from labweb.domain.resources.labware.part import Part, definition_of, find_bottoms, walk
+from labweb.domain.resources.labware.labware_definition import Vector
+from labweb.domain.resources.labware.labware_parts import (
+    LabwarePart,
+    definition_of,
+    find_bottoms,
+    walk,
+)
 from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
+from labweb.domain.resources.labware.well_geometry import volume_ul
 from tests.corpus import LABWARE, NO_LABWARE
 from tests.domain.resources.labware_files import PYLABROBOT, Json, load, published
 
@@ -53,7 +58,7 @@ def findings_of(value: object) -> dict[str, str]:
     return {finding.subject: finding.code for finding in refused.value.findings}
 
 
-def bottom(part: Part, name: str) -> Vector:
+def bottom(part: LabwarePart, name: str) -> Vector:
     found = find_bottoms(part)[name]
     assert found is not None
     return found

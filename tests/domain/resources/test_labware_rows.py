@@ -8,24 +8,24 @@ from uuid import UUID, uuid5
 import pytest
 
 from labweb.domain.errors import DefinitionError
-from labweb.domain.graph.lab_file.config import check_config
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.labware.definition import Vector
-from labweb.domain.resources.labware.files import read_labware, resources_of
-from labweb.domain.resources.labware.opentrons import parse_opentrons
-from labweb.domain.resources.labware.part import find_bottoms
-from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
-from labweb.domain.resources.labware.rows import (
-    Identity,
+from labweb.domain.graph.lab_file.resource_config import check_config
+from labweb.domain.resources.labware.labware_definition import Vector
+from labweb.domain.resources.labware.labware_formats import read_labware, resources_of
+from labweb.domain.resources.labware.labware_parts import find_bottoms
+from labweb.domain.resources.labware.labware_resources import (
+    LabwareIdentity,
     ids_in_labware,
     labware_resources,
     part_resources,
     tip_id,
     well_id,
 )
-from labweb.domain.resources.node import Resource
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
+from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
 from labweb.domain.resources.pose import Pose, compose, rotate
-from labweb.domain.resources.tree import Tree, check_tree
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import KINDS
+from labweb.domain.resources.resource_tree import Tree, check_tree
 from tests.corpus import LABWARE, NO_LABWARE
 from tests.domain.resources.labware_files import (
     OPENTRONS,
@@ -40,8 +40,8 @@ BENCH = UUID(int=1)
 PLATE = UUID(int=2)
 
 
-def an_identity(key: str = "plate_1") -> Identity:
-    return Identity(id=PLATE, key=key, name="Plate 1", parent_id=BENCH)
+def an_identity(key: str = "plate_1") -> LabwareIdentity:
+    return LabwareIdentity(id=PLATE, key=key, name="Plate 1", parent_id=BENCH)
 
 
 def test_a_plate_becomes_itself_and_its_wells() -> None:
@@ -122,7 +122,7 @@ def test_what_nobody_mapped_is_foreign_and_has_no_wells() -> None:
 
 @pytest.mark.parametrize(("key", "name"), [("", "Plate"), ("p\n", "Plate"), ("p", "\x00")])
 def test_a_key_or_name_that_is_none_is_refused(key: str, name: str) -> None:
-    identity = Identity(id=PLATE, key=key, name=name, parent_id=BENCH)
+    identity = LabwareIdentity(id=PLATE, key=key, name=name, parent_id=BENCH)
     with pytest.raises(DefinitionError) as refused:
         labware_resources(parse_opentrons(an_opentrons_plate()), identity)
     assert [finding.code for finding in refused.value.findings] == ["labware.text"]
@@ -158,7 +158,7 @@ def test_every_published_definition_becomes_a_tree_that_a_lab_file_takes() -> No
 @pytest.mark.parametrize("deck", ["ot", "star"])
 def test_a_published_deck_becomes_rows_that_stand_where_the_engine_has_them(deck: str) -> None:
     part, _ = parse_pylabrobot(load(PYLABROBOT / f"plr_deck_{deck}.json"))
-    identity = Identity(id=PLATE, key="deck", name="Deck", parent_id=None)
+    identity = LabwareIdentity(id=PLATE, key="deck", name="Deck", parent_id=None)
     rows = part_resources(part, identity, partial(uuid5, PLATE), full_racks={"tips"})
     assert check_tree(rows) == []
     assert configs_are_allowed(rows)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import DefinitionError
-from labweb.domain.resources.labware.opentrons import parse_opentrons
+from labweb.domain.resources.labware.opentrons_labware import parse_opentrons
 
 
 def a_plate() -> dict[str, Any]:

@@ -6,11 +6,17 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.graph.injection import injected
-from labweb.domain.graph.parts_of_roles import SORTS
-from labweb.domain.resources.kinds import KINDS, Nature
-from labweb.domain.resources.places import PLACES, Place, Thing, check_arriving, check_standing
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.graph.device_parts import injected
+from labweb.domain.graph.device_parts_by_role import SORTS
+from labweb.domain.resources.placement import (
+    PLACES,
+    Place,
+    PlacedThing,
+    check_arriving,
+    check_standing,
+)
+from labweb.domain.resources.resource_kinds import KINDS, Nature
 
 MANY = 50
 
@@ -51,14 +57,14 @@ OTHERS = {
 """The same of other things, where a place is made for these."""
 
 
-def things(kind: str, count: int = 1, *, first: int = 1) -> list[Thing]:
-    return [Thing(UUID(int=n), f"{kind} {n}", kind) for n in range(first, first + count)]
+def things(kind: str, count: int = 1, *, first: int = 1) -> list[PlacedThing]:
+    return [PlacedThing(UUID(int=n), f"{kind} {n}", kind) for n in range(first, first + count)]
 
 
 def filled(place_kind: str, kind: str) -> int:
     """Put things of a kind into a place until one is refused; return how many stand there."""
-    place = Thing(UUID(int=0), "Place", place_kind)
-    there: list[Thing] = []
+    place = PlacedThing(UUID(int=0), "Place", place_kind)
+    there: list[PlacedThing] = []
     for thing in things(kind, MANY):
         if check_standing(thing, place, there):
             break
@@ -86,9 +92,9 @@ def test_each_kind_of_place_takes_as_many_as_it_has_room_for(kind: str, thing: s
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_refused_is_told_with_what_stands_there_and_what_to_do(kind: str) -> None:
-    place = Thing(UUID(int=0), "Place", kind)
+    place = PlacedThing(UUID(int=0), "Place", kind)
     there = things("vial", ROOM.get(kind, 0)) if ROOM.get(kind, 0) < MANY else []
-    for finding in check_standing(Thing(UUID(int=99), "Newcomer", "vial"), place, there):
+    for finding in check_standing(PlacedThing(UUID(int=99), "Newcomer", "vial"), place, there):
         assert "Newcomer" in finding.message
         assert "Place" in finding.message
         assert finding.code in {"place.occupied", "place.wrong_kind", "crutd.no_place"}
@@ -107,7 +113,7 @@ def test_a_plate_does_not_stand_on_a_plate_nor_beside_one_in_a_slot_or_on_a_pan(
     one, other = things("plate", 2)
     assert [f.code for f in check_standing(other, one, [])] == ["place.wrong_kind"]
     for kind in ("slot", "balance"):
-        place = Thing(UUID(int=9), "Place", kind)
+        place = PlacedThing(UUID(int=9), "Place", kind)
         assert check_standing(one, place, []) == []
         (finding,) = check_standing(other, place, [one])
         assert finding.code == "place.occupied"
@@ -115,7 +121,7 @@ def test_a_plate_does_not_stand_on_a_plate_nor_beside_one_in_a_slot_or_on_a_pan(
 
 
 def test_a_rack_takes_no_more_tubes_than_it_has_sites() -> None:
-    rack = Thing(UUID(int=9), "Rack", "tube_rack")
+    rack = PlacedThing(UUID(int=9), "Rack", "tube_rack")
     tubes = things("tube", 24)
     assert check_standing(tubes[-1], rack, tubes[:23], sites=24) == []
     (finding,) = check_standing(things("vial", first=50)[0], rack, tubes, sites=24)
@@ -124,13 +130,13 @@ def test_a_rack_takes_no_more_tubes_than_it_has_sites() -> None:
 
 @pytest.mark.parametrize("kind", sorted(kind for kind, room in PLACES.items() if room.is_divided))
 def test_where_a_place_has_slots_things_stand_in_these(kind: str) -> None:
-    place = Thing(UUID(int=9), "Place", kind)
+    place = PlacedThing(UUID(int=9), "Place", kind)
     (finding,) = check_standing(things("vial")[0], place, things("slot", first=5))
     assert finding.code == "place.not_in_slot"
 
 
 def test_on_a_carrier_stands_one_piece_of_labware_or_vials_and_never_both() -> None:
-    place = Thing(UUID(int=9), "Block", "carrier")
+    place = PlacedThing(UUID(int=9), "Block", "carrier")
     vials, (plate,) = things("vial", 3), things("plate", first=7)
     assert check_standing(vials[2], place, vials[:2]) == []
     assert [f.code for f in check_standing(plate, place, vials)] == ["place.occupied"]
@@ -145,18 +151,18 @@ def test_what_a_device_brings_has_room_where_it_comes(role: str) -> None:
     ids = {part.key: UUID(int=number) for number, part in enumerate(made.parts, start=1)}
     arriving = [
         (
-            Thing(ids[part.key], part.name, part.kind),
+            PlacedThing(ids[part.key], part.name, part.kind),
             ids[part.inside] if part.inside else UUID(int=0),
         )
         for part in made.parts
     ]
-    bench = Place(thing=Thing(UUID(int=0), "Bench", "bench"))
+    bench = Place(thing=PlacedThing(UUID(int=0), "Bench", "bench"))
     assert check_arriving(arriving, [bench]) == []
 
 
 def test_two_parts_of_one_device_do_not_come_into_one_slot() -> None:
-    slot = Thing(UUID(int=0), "Slot", "slot")
-    parts = [(Thing(UUID(int=n), f"Part {n}", "syringe_pump"), slot.id) for n in (1, 2)]
+    slot = PlacedThing(UUID(int=0), "Slot", "slot")
+    parts = [(PlacedThing(UUID(int=n), f"Part {n}", "syringe_pump"), slot.id) for n in (1, 2)]
     assert [f.code for f in check_arriving(parts, [Place(thing=slot)])] == ["place.occupied"]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from labweb.domain.resources.tree import in_tree_order
+from labweb.domain.resources.resource_tree import in_tree_order
 
 Row = tuple[str, str | None]
 

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.messages import EdgeEvent, event_hash
-from labweb.domain.runs.clocks import (
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_link.host_clocks import (
     DRIFT_RATIO,
     MOST_ANCHORS,
-    Anchor,
     Cause,
+    ClockAnchor,
     Estimate,
     Exchange,
     anchor_of,
@@ -26,7 +27,6 @@ from labweb.domain.runs.clocks import (
     told_moment,
     with_anchor,
 )
-from labweb.domain.runs.moment import Moment
 
 NIGHT_S = 40_000.0
 CLOSE_S = 1e-4
@@ -40,12 +40,12 @@ class Machine:
     rate: float
     boot_id: str = "boot"
 
-    def at(self, true_s: float, *, set_by_s: float = 0.0) -> Moment:
+    def at(self, true_s: float, *, set_by_s: float = 0.0) -> HostMoment:
         mono_s = 500.0 + true_s * self.rate
         wall_s = true_s + self.ahead_s + set_by_s
-        return Moment(boot_id=self.boot_id, mono_s=mono_s, wall_s=wall_s)
+        return HostMoment(boot_id=self.boot_id, mono_s=mono_s, wall_s=wall_s)
 
-    def measures(self, true_s: float, there_s: float, works_s: float, back_s: float) -> Anchor:
+    def measures(self, true_s: float, there_s: float, works_s: float, back_s: float) -> ClockAnchor:
         asked = self.at(true_s)
         heard_at_s = true_s + there_s
         got = self.at(heard_at_s + works_s + back_s)
@@ -79,7 +79,7 @@ def test_what_really_was_lies_within_the_stated_uncertainty(
     true_s: float,
     set_by_s: float,
 ) -> None:
-    anchors: tuple[Anchor, ...] = ()
+    anchors: tuple[ClockAnchor, ...] = ()
     for at_s, way in measured:
         anchors = with_anchor(anchors, machine.measures(at_s, *way))
     found = estimate(anchors, machine.at(true_s, set_by_s=set_by_s))
@@ -104,7 +104,7 @@ def test_the_shorter_way_wins(
 def test_measures_that_are_kept_are_few_and_the_newest_counts(
     machine: Machine, measured: list[tuple[float, tuple[float, float, float]]]
 ) -> None:
-    anchors: tuple[Anchor, ...] = ()
+    anchors: tuple[ClockAnchor, ...] = ()
     for at_s, way in sorted(measured):
         fresh = machine.measures(at_s, *way)
         before = estimate(anchors, machine.at(at_s)).uncertainty_s
@@ -118,7 +118,7 @@ def test_measures_that_are_kept_are_few_and_the_newest_counts(
 
 def test_a_measure_of_a_night_ago_is_kept_beside_many_new_ones() -> None:
     machine = Machine(ahead_s=0.0, rate=1.0)
-    anchors: tuple[Anchor, ...] = ()
+    anchors: tuple[ClockAnchor, ...] = ()
     for at_s in (0.0, *(NIGHT_S + i for i in range(3000))):
         anchors = with_anchor(anchors, machine.measures(at_s, 0.001, 0.0, 0.001))
     found = estimate(anchors, machine.at(10.0))
@@ -132,14 +132,14 @@ def test_a_measure_of_a_night_ago_is_kept_beside_many_new_ones() -> None:
 def test_a_clock_that_is_set_in_an_exchange_measures_nothing(
     heard_at_s: float, told_at_s: float
 ) -> None:
-    asked = Moment(boot_id="boot", mono_s=0.0, wall_s=0.0)
+    asked = HostMoment(boot_id="boot", mono_s=0.0, wall_s=0.0)
     exchange = Exchange(asked=asked, heard_at_s=heard_at_s, told_at_s=told_at_s, got_mono_s=1.0)
     assert anchor_of(exchange) is None
 
 
 def test_a_start_without_a_measure_is_believed_and_nobody_knows_how_wrong_it_is() -> None:
     anchor = Machine(ahead_s=3600.0, rate=1.0).measures(0.0, 0.1, 0.0, 0.1)
-    other = Moment(boot_id="another", mono_s=5.0, wall_s=3700.0)
+    other = HostMoment(boot_id="another", mono_s=5.0, wall_s=3700.0)
     found = estimate([anchor], other)
     assert found.uncertainty_s is None
     assert found.at_s == pytest.approx(100.0)

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.crutd.conditions import (
+from labweb.domain.crutd.pre_and_postconditions import (
     Condition,
-    Result,
-    Verdict,
+    ConditionResult,
+    ConditionVerdict,
     Verification,
     evaluate,
     unreadable_baselines,
 )
-from labweb.domain.crutd.decide import OutcomeKind
-from labweb.domain.runs.edge import ActionState, Report, conclude
+from labweb.domain.crutd.settlement import OutcomeKind
+from labweb.domain.runs.host_journal.action_states import ActionState, Report, conclude
 
 BALANCE, PUMP = UUID(int=1), UUID(int=2)
 PLUNGER = Condition(name="pump.syringe_volume", device_id=PUMP, status="volume_ul", high=0.0)
@@ -67,7 +67,7 @@ def test_a_confirmation_that_could_not_be_made_leaves_the_action_in_doubt(now: A
 
 @pytest.mark.parametrize("now", SILENT)
 def test_a_step_that_may_stay_unconfirmed_is_complete_and_says_so(now: Any) -> None:  # noqa: ANN401
-    seen = Result(name=PLUNGER.name, verdict=Verdict.PASS, message="volume: 0 µL")
+    seen = ConditionResult(name=PLUNGER.name, verdict=ConditionVerdict.PASS, message="volume: 0 µL")
     found = conclude(Report(ok=True), [(PLUNGER, seen), (FREE, evaluate(FREE, now, BEFORE))])
     assert found.state is ActionState.COMPLETE
     assert found.verification is Verification.UNCONFIRMED
@@ -89,13 +89,13 @@ def test_a_confirmation_that_was_made_is_sensed_whether_it_had_to_be_or_not() ->
 
 def test_a_mass_that_had_not_settled_before_the_start_confirms_nothing() -> None:
     result = evaluate(MASS, told(1000.0, is_stable=True), told(0.0, is_stable=False))
-    assert result.verdict is Verdict.UNOBSERVABLE
+    assert result.verdict is ConditionVerdict.UNOBSERVABLE
     assert result.message == "mass had not settled before the start"
 
 
 def test_an_action_whose_confirmation_cannot_be_read_before_is_not_begun() -> None:
     (result,) = unreadable_baselines([PLUNGER, MASS], {})
-    assert (result.name, result.verdict) == (MASS.name, Verdict.UNOBSERVABLE)
+    assert (result.name, result.verdict) == (MASS.name, ConditionVerdict.UNOBSERVABLE)
     assert "was not begun" in result.message
     assert unreadable_baselines([FREE], {}) == []
     assert unreadable_baselines([MASS], BEFORE) == []
@@ -110,16 +110,19 @@ CONDITIONS = st.builds(
     may_stay_unconfirmed=st.booleans(),
 )
 RESULTS = st.builds(
-    Result, name=st.just("a.b"), verdict=st.sampled_from(Verdict), message=st.just("why")
+    ConditionResult,
+    name=st.just("a.b"),
+    verdict=st.sampled_from(ConditionVerdict),
+    message=st.just("why"),
 )
 
 
 @given(st.lists(st.tuples(CONDITIONS, RESULTS), max_size=4))
 def test_nothing_that_was_asked_for_is_dropped_in_silence(
-    post: list[tuple[Condition, Result]],
+    post: list[tuple[Condition, ConditionResult]],
 ) -> None:
     found = conclude(Report(ok=True), post)
-    unseen = [one for one, result in post if result.verdict is Verdict.UNOBSERVABLE]
+    unseen = [one for one, result in post if result.verdict is ConditionVerdict.UNOBSERVABLE]
     if any(not one.may_stay_unconfirmed for one in unseen):
         assert found.state is ActionState.IN_DOUBT
     elif unseen and found.state is ActionState.COMPLETE:

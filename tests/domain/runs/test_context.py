@@ -7,7 +7,7 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.context import MOST_READINGS, context_body, read_context
+from labweb.domain.runs.host_journal.surroundings import MOST_READINGS, context_body, read_context
 
 DEVICE = str(UUID(int=5))
 

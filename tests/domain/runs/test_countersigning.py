@@ -6,8 +6,15 @@ import json
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.messages import ChainHead, Signed, canonical
-from labweb.domain.runs.countersigning import META, check_head, kept_heads, write_head
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.chain_heads import ChainHead
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.runs.host_journal.countersigned_heads import (
+    META,
+    check_head,
+    kept_heads,
+    write_head,
+)
 
 
 class Journal:

@@ -9,10 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.calibration.model import Correction, Quantity
-from labweb.domain.runs.doubting import Plunger, choices_after, contradiction, measure
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.recovery import Ended
+from labweb.domain.calibration.correction import CalibrationQuantity, Correction
+from labweb.domain.runs.after_failure.doubt_by_readings import (
+    Plunger,
+    choices_after,
+    contradiction,
+    measure,
+)
+from labweb.domain.runs.after_failure.recovery_choices import Ended
+from labweb.domain.runs.states.job_states import JobState
 
 DISPENSE = Plunger(
     action="dispense", asked_nl=5_000_000, before_ul=10_000.0, after_ul=6_500.0, tolerance_ul=10.0
@@ -65,8 +70,8 @@ def test_a_plunger_that_went_the_other_way_tells_nothing() -> None:
 
 def test_what_the_device_tells_is_made_true_by_the_calibration_that_it_was_sent_with() -> None:
     correction = Correction(
-        argument="volume_ul", quantity=Quantity.VOLUME, asked=5000.0, sent=4900.0, gain=1.02,
-        offset=0.0, calibration_id=UUID(int=1), number=3,
+        argument="volume_ul", quantity=CalibrationQuantity.VOLUME, asked=5000.0, sent=4900.0,
+        gain=1.02, offset=0.0, calibration_id=UUID(int=1), number=3,
     )  # fmt: skip
     found = measure(replace(DISPENSE, correction=correction))
     assert found.moved_nl == 3_570_000

@@ -6,7 +6,7 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.halt_state import HaltState, Set, halt_wish
+from labweb.domain.runs.halts.halt_progress import HaltState, Set, halt_wish
 
 MINE, OTHER, ENDED = UUID(int=1), UUID(int=2), UUID(int=3)
 OURS = Set(run_id=MINE, is_live=False)

@@ -9,8 +9,9 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.edge import Candidate, HostState, decide_start
-from labweb.domain.runs.halting import (
+from labweb.domain.runs.after_failure.recovery_choices import Ended, choices_for
+from labweb.domain.runs.halts.device_motion import is_moving, tells_motion
+from labweb.domain.runs.halts.halted_setpoints import (
     Done,
     is_halt_certain,
     may_stand,
@@ -18,9 +19,8 @@ from labweb.domain.runs.halting import (
     still_standing,
     voided,
 )
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.motion import is_moving, tells_motion
-from labweb.domain.runs.recovery import Ended, choices_for
+from labweb.domain.runs.host_journal.action_states import ActionCandidate, HostState, decide_start
+from labweb.domain.runs.states.job_states import JobState
 from tests.simulation.memory import BEGINNING, Disk, MemoryWrite
 
 
@@ -181,7 +181,7 @@ def test_what_was_too_old_to_start_says_that_its_device_owed_a_halt() -> None:
     host = HostState(
         host_id=UUID(int=1), epoch=1, floor=0, boot_id="b", armed_boot_id="b", stop_latched=False
     )
-    late = Candidate(
+    late = ActionCandidate(
         dseq=1, max_fence=0, age_s=20.0, ttl_s=10.0, numbers_hold_s=None, owes_halt=True
     )
     answer = decide_start(host, late, findings=[], results=[])

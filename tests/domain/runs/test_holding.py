@@ -18,22 +18,22 @@ from labweb.domain.crutd.operations import (
     TransferResource,
     Update,
 )
-from labweb.domain.runs import claims as rules
-from labweb.domain.runs.claims import Claims, Use, Way, claims_of, stand_of
-from labweb.domain.runs.holding import (
-    Ask,
-    Mode,
+from labweb.domain.runs.exclusive_use import run_claims as rules
+from labweb.domain.runs.exclusive_use.run_claims import Claims, DeviceWay, Use, claims_of, stand_of
+from labweb.domain.runs.exclusive_use.run_holds import (
+    HoldAsk,
+    HoldScene,
     Modes,
     Party,
     Refusal,
-    Scene,
+    UseMode,
     Why,
     clash,
     may_use_by_hand,
     modes_of,
     refusal,
 )
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.job_states import JobState
 
 
 def thing(number: int) -> UUID:
@@ -62,12 +62,12 @@ def party(number: int, held: Modes, needs: Modes, *, has_begun: bool = True) -> 
     return Party(id=thing(number), has_begun=has_begun, held=held, needs={**held, **needs})
 
 
-def alone(*nodes: UUID) -> dict[UUID, Mode]:
-    return dict.fromkeys(nodes, Mode.ALONE)
+def alone(*nodes: UUID) -> dict[UUID, UseMode]:
+    return dict.fromkeys(nodes, UseMode.ALONE)
 
 
-def ask(one: Party, wanted: Modes, *, since: float = 0) -> Ask:
-    return Ask(run_id=one.id, turn=(since, one.id.int), wanted=wanted)
+def ask(one: Party, wanted: Modes, *, since: float = 0) -> HoldAsk:
+    return HoldAsk(run_id=one.id, turn=(since, one.id.int), wanted=wanted)
 
 
 def pour(source: UUID, target: UUID) -> TransferLiquid:
@@ -76,13 +76,13 @@ def pour(source: UUID, target: UUID) -> TransferLiquid:
 
 def use(index: int, step: str, *operations: object, action: str = "stroke") -> Use:
     ways = tuple(
-        Way(device_id=PUMP, operation=one, args={}, locks=(PUMP,))  # type: ignore[arg-type]
+        DeviceWay(device_id=PUMP, operation=one, args={}, locks=(PUMP,))  # type: ignore[arg-type]
         for one in operations
     )
     return Use(index=index, step_id=step, action=action, ways=ways)
 
 
-def claimed(claims: Claims, node: UUID) -> list[tuple[tuple[int, ...], Mode, bool]]:
+def claimed(claims: Claims, node: UUID) -> list[tuple[tuple[int, ...], UseMode, bool]]:
     found = [one for one in claims.claims if one.resource_id == node]
     return [(one.jobs, one.mode, one.is_from_start) for one in found]
 
@@ -132,8 +132,8 @@ def test_a_vessel_is_claimed_from_the_beginning_and_a_pump_for_each_step() -> No
         use(4, "c", pour(PUMP, REACTOR)),
     ]
     found = claims_of(plan, KINDS, ["a", "b", "c"])
-    assert claimed(found, REACTOR) == [((0, 1, 3, 4), Mode.ALONE, True)]
-    assert claimed(found, BOTTLE) == [((0, 1, 3, 4), Mode.DRAW, True)]
+    assert claimed(found, REACTOR) == [((0, 1, 3, 4), UseMode.ALONE, True)]
+    assert claimed(found, BOTTLE) == [((0, 1, 3, 4), UseMode.DRAW, True)]
     assert [jobs for jobs, _, _ in claimed(found, PUMP)] == [(0, 1), (2,), (3, 4)]
 
 
@@ -198,14 +198,14 @@ def test_what_no_path_comes_back_to_is_released_and_what_may_be_retried_is_not()
 
 def test_what_another_run_holds_is_waited_for_by_name() -> None:
     one, two = party(1, alone(REACTOR), {}), party(2, {}, alone(REACTOR), has_begun=False)
-    found = refusal(two, ask(two, alone(REACTOR)), Scene(parties=[one, two]))
+    found = refusal(two, ask(two, alone(REACTOR)), HoldScene(parties=[one, two]))
     assert found == Refusal(Why.HELD, one.id, REACTOR)
 
 
 def test_a_run_gets_nothing_with_which_neither_could_end() -> None:
     one = party(1, alone(HEATER), alone(ROBOT))
     two = party(2, {}, alone(ROBOT, HEATER), has_begun=False)
-    found = refusal(two, ask(two, alone(ROBOT)), Scene(parties=[one, two]))
+    found = refusal(two, ask(two, alone(ROBOT)), HoldScene(parties=[one, two]))
     assert found == Refusal(Why.UNSAFE, one.id, HEATER)
 
 
@@ -214,7 +214,7 @@ def test_who_has_not_begun_comes_after_who_waits_and_who_has_begun_does_not() ->
     two = party(2, {}, alone(REACTOR, FLASK), has_begun=False)
     three = party(3, {}, alone(FLASK), has_begun=False)
     waiting = [ask(two, alone(REACTOR, FLASK), since=1)]
-    scene = Scene(parties=[one, two, three], waiting=waiting)
+    scene = HoldScene(parties=[one, two, three], waiting=waiting)
     late = ask(three, alone(FLASK), since=2)
     assert refusal(three, late, scene) == Refusal(Why.TURN, two.id, FLASK)
     begun = replace(three, has_begun=True)
@@ -230,25 +230,25 @@ def test_what_a_run_needs_for_one_step_is_not_kept_from_others_while_it_waits() 
     two = party(2, {}, alone(REACTOR, PUMP), has_begun=False)
     asked = [claim for claim in declared.claims if 0 in claim.jobs]
     whole = ask(two, rules.modes_in(asked))
-    found, kept = rules.decide(two, whole, asked, Scene(parties=[one, two]))
+    found, kept = rules.decide(two, whole, asked, HoldScene(parties=[one, two]))
     assert found == Refusal(Why.HELD, one.id, REACTOR)
     assert set(kept.wanted) == {REACTOR}
 
 
 # --- no deadlock, no starvation -----------------------------------------------------
 
-MODES = st.sampled_from([Mode.ALONE, Mode.ALONE, Mode.DRAW, Mode.USE, Mode.POUR])
+MODES = st.sampled_from([UseMode.ALONE, UseMode.ALONE, UseMode.DRAW, UseMode.USE, UseMode.POUR])
 PLANS = st.lists(
     st.lists(st.tuples(st.integers(1, 5), MODES), min_size=1, max_size=5), min_size=2, max_size=5
 )
 
 
-def _end_all(plans: list[list[tuple[int, Mode]]], order: list[int]) -> list[int]:
+def _end_all(plans: list[list[tuple[int, UseMode]]], order: list[int]) -> list[int]:
     """Let runs take one thing after the other and keep it; return in which order they began."""
     steps = dict.fromkeys(range(len(plans)), 0)
-    held: dict[int, dict[UUID, Mode]] = {run: {} for run in steps}
+    held: dict[int, dict[UUID, UseMode]] = {run: {} for run in steps}
     since: dict[int, float] = {}
-    waiting: dict[int, Ask] = {}
+    waiting: dict[int, HoldAsk] = {}
     began: list[int] = []
     for clock in range(400):
         if not steps:
@@ -267,8 +267,8 @@ def _end_all(plans: list[list[tuple[int, Mode]]], order: list[int]) -> list[int]
             node, _ = plan[place]
             wanted = {thing(node): _needs(plan)[thing(node)]}
             since.setdefault(run, clock)
-            asked = Ask(run_id=thing(100 + run), turn=(since[run], run), wanted=wanted)
-            scene = Scene(parties=list(parties.values()), waiting=list(waiting.values()))
+            asked = HoldAsk(run_id=thing(100 + run), turn=(since[run], run), wanted=wanted)
+            scene = HoldScene(parties=list(parties.values()), waiting=list(waiting.values()))
             if refusal(parties[run], asked, scene) is not None:
                 waiting[run] = asked
                 continue
@@ -282,21 +282,21 @@ def _end_all(plans: list[list[tuple[int, Mode]]], order: list[int]) -> list[int]
     raise AssertionError("it never ends")
 
 
-def _needs(plan: list[tuple[int, Mode]]) -> dict[UUID, Mode]:
-    found: dict[UUID, Mode] = {}
+def _needs(plan: list[tuple[int, UseMode]]) -> dict[UUID, UseMode]:
+    found: dict[UUID, UseMode] = {}
     for node, mode in plan:
-        found[thing(node)] = mode if found.get(thing(node)) in {None, mode} else Mode.ALONE
+        found[thing(node)] = mode if found.get(thing(node)) in {None, mode} else UseMode.ALONE
     return found
 
 
-def _party(run: int, plan: list[tuple[int, Mode]], held: Modes, began: list[int]) -> Party:
+def _party(run: int, plan: list[tuple[int, UseMode]], held: Modes, began: list[int]) -> Party:
     return Party(id=thing(100 + run), has_begun=run in began, held=dict(held), needs=_needs(plan))
 
 
 @settings(max_examples=200, deadline=None)
 @given(PLANS, st.lists(st.integers(0, 4), max_size=6))
 def test_whatever_runs_take_in_whatever_order_all_of_them_end(
-    plans: list[list[tuple[int, Mode]]], order: list[int]
+    plans: list[list[tuple[int, UseMode]]], order: list[int]
 ) -> None:
     assert sorted(_end_all(plans, order)) == list(range(len(plans)))
 
@@ -310,9 +310,9 @@ def test_a_run_that_waits_is_not_overtaken_for_ever_by_those_that_come_later(cou
     holder = party(2, alone(REACTOR), {})
     for number in range(count):
         late = party(3 + number, {}, alone(FLASK), has_begun=False)
-        scene = Scene(parties=[patient, holder, late], waiting=waiting)
+        scene = HoldScene(parties=[patient, holder, late], waiting=waiting)
         assert refusal(late, ask(late, alone(FLASK), since=1 + number), scene) is not None
-    free = Scene(parties=[patient], waiting=waiting)
+    free = HoldScene(parties=[patient], waiting=waiting)
     assert refusal(patient, waiting[0], free) is None
 
 

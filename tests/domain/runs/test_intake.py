@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.crutd.decide import OutcomeKind
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.settlement import OutcomeKind
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import StateError
-from labweb.domain.runs.intake import Meaning, read_event
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.states.host_event_meaning import Meaning, read_event
+from labweb.domain.runs.states.job_states import JobState
 
 _J = JobState
 

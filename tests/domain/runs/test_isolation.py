@@ -11,12 +11,12 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.messages import Cancel
-from labweb.domain.runs.isolation import find_waiting
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.relay import is_due, stamped
-from labweb.domain.runs.scheduler import JobView
-from labweb.domain.runs.session import SessionState
+from labweb.domain.messages.commands import Cancel
+from labweb.domain.runs.dispatch.command_outbox import is_due, stamped
+from labweb.domain.runs.dispatch.job_scheduler import JobView
+from labweb.domain.runs.dispatch.work_of_absent_host import find_waiting
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState
 
 A, B = UUID(int=1), UUID(int=2)
 AT = datetime(2026, 1, 1, tzinfo=UTC)

@@ -6,7 +6,13 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.journal import Chain, JournalError, Seal, find_regression, is_raised
+from labweb.domain.runs.host_journal.journal_rows import (
+    JournalChain,
+    JournalError,
+    Seal,
+    find_regression,
+    is_raised,
+)
 
 JOURNAL, OTHER = UUID(int=1), UUID(int=2)
 
@@ -33,7 +39,9 @@ def seal(seq: int, digest: str = "", journal_id: UUID = JOURNAL) -> Seal:
 def test_a_journal_is_the_newest_only_while_it_holds_the_sealed_event(
     seq: int, hash_at_seal: str | None, witness: Seal | None, words: str
 ) -> None:
-    found = find_regression(Chain(journal_id=JOURNAL, seq=seq, hash_at_seal=hash_at_seal), witness)
+    found = find_regression(
+        JournalChain(journal_id=JOURNAL, seq=seq, hash_at_seal=hash_at_seal), witness
+    )
     assert (found is None) if not words else (words in str(found))
 
 

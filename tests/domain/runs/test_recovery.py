@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.recovery import Wait, run_waits_for, waits_for
+from labweb.domain.runs.after_failure.recovery_choices import RunWaitCause, run_waits_for, waits_for
+from labweb.domain.runs.halts.halted_setpoints import LET_GO
+from labweb.domain.runs.states.job_states import JobState
 
 
 @pytest.mark.parametrize("state", JobState)
@@ -18,11 +18,11 @@ def test_each_job_waits_for_an_answer_for_recovery_or_for_nothing(
     found = waits_for(state, is_passed=is_passed, halted_by=halted_by)
     undone = {JobState.ABORTED, JobState.REJECTED, JobState.STOPPED}
     if state is JobState.IN_DOUBT:
-        assert found is Wait.ANSWER
+        assert found is RunWaitCause.ANSWER
     elif state in undone and not is_passed:
-        assert found is Wait.RECOVERY
+        assert found is RunWaitCause.RECOVERY
     elif state is JobState.COMPLETE and halted_by == "edge.stopped":
-        assert found is Wait.RECOVERY, "a halt undid it, whatever was decided before"
+        assert found is RunWaitCause.RECOVERY, "a halt undid it, whatever was decided before"
     else:
         assert found is None
 
@@ -30,5 +30,5 @@ def test_each_job_waits_for_an_answer_for_recovery_or_for_nothing(
 def test_a_run_waits_for_what_its_jobs_wait_for_and_for_answers_first() -> None:
     assert run_waits_for([]) is None
     assert run_waits_for([None, None]) is None
-    assert run_waits_for([None, Wait.RECOVERY]) is Wait.RECOVERY
-    assert run_waits_for([Wait.RECOVERY, None, Wait.ANSWER]) is Wait.ANSWER
+    assert run_waits_for([None, RunWaitCause.RECOVERY]) is RunWaitCause.RECOVERY
+    assert run_waits_for([RunWaitCause.RECOVERY, None, RunWaitCause.ANSWER]) is RunWaitCause.ANSWER

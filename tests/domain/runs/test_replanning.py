@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import StateError
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.replanning import Stood, document_left, steps_left
+from labweb.domain.runs.after_failure.replanning import Stood, document_left, steps_left
+from labweb.domain.runs.states.job_states import JobState
 
 
 def steps(*ids: str) -> list[dict[str, Any]]:

@@ -8,8 +8,8 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.job import JobState, RunState
-from labweb.domain.runs.scheduler import JobView, run_state, state_after_dispatch
+from labweb.domain.runs.dispatch.job_scheduler import JobView, run_state, state_after_dispatch
+from labweb.domain.runs.states.job_states import JobState, RunState
 
 HOST = UUID(int=1)
 

@@ -9,8 +9,9 @@ from uuid import UUID
 import msgspec
 import pytest
 
-from labweb.domain.messages import EdgeEvent, Hello, event_hash
-from labweb.domain.runs.session import (
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.messages.session import Hello
+from labweb.domain.runs.host_link.host_session import (
     HostRecord,
     SessionState,
     after_hello,

@@ -8,9 +8,9 @@ import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import Finding, InfeasibleError, LabError, ProtocolError
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob
-from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
+from labweb.domain.workflows.workflow_file import Workflow, parse_workflow, resolve_keys
 from tests.domain.workflows.bench import (
     Bench,
     id_of,

@@ -10,15 +10,15 @@ from itertools import pairwise
 from typing import Any
 from uuid import UUID, uuid5
 
-from labweb.domain.crutd.decide import ResourceState
-from labweb.domain.enrollment.device import Device
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
-from labweb.domain.graph.topology import Connection, Medium, PhysicalGraph, PortRef
+from labweb.domain.crutd.settlement import ResourceState
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
+from labweb.domain.graph.ports_and_connections import Connection, Medium, PhysicalGraph, PortRef
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.node import Resource
-from labweb.domain.resources.tree import Tree
-from labweb.domain.workflows.compile import LabView
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_kinds import KINDS
+from labweb.domain.resources.resource_tree import Tree
+from labweb.domain.workflows.compile_workflow import PlannerView
 
 SPACE = UUID("7a3c1d52-4f7b-5a57-8a4c-2d9b6f2f0c11")
 
@@ -105,7 +105,7 @@ class Bench:
 
     resources: list[Resource] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
-    devices: list[Device] = field(default_factory=list)
+    devices: list[AdmittedDevice] = field(default_factory=list)
     states: dict[UUID, ResourceState] = field(default_factory=dict)
     densities: dict[LotId, float | None] = field(default_factory=dict)
 
@@ -164,7 +164,7 @@ class Bench:
 
     def device(self, key: str, spec: DriverSpec, nodes: Mapping[str, str], **config: Any) -> None:
         self.devices.append(
-            Device(
+            AdmittedDevice(
                 id=device_id_of(key),
                 key=key,
                 name=key.replace("_", " ").capitalize(),
@@ -235,8 +235,8 @@ class Bench:
     def graph(self) -> PhysicalGraph:
         return PhysicalGraph(tuple(self.connections))
 
-    def view(self) -> LabView:
-        return LabView(
+    def view(self) -> PlannerView:
+        return PlannerView(
             tree=self.tree,
             graph=self.graph,
             devices=tuple(self.devices),

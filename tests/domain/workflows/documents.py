@@ -9,7 +9,11 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from labweb.domain.workflows.steps import STEP_KINDS, ParameterSort, StepParameter
+from labweb.domain.workflows.unit_operations.step_palette import (
+    STEP_KINDS,
+    ParameterSort,
+    StepParameter,
+)
 
 TEMPLATES = Path(__file__).parents[3] / "fixtures" / "labs" / "starter" / "workflows"
 

@@ -15,12 +15,12 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.workflows.compile import LabView, check_plan, compile_workflow
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.workflows.compile_workflow import PlannerView, check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
-from labweb.domain.workflows.proving import Proof, prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import WorkflowProof, prove_plan
+from labweb.domain.workflows.workflow_file import Workflow, parse_workflow, resolve_keys
 from tests.domain.workflows.station import LAB, view_of
 
 WET = {"separator": {"ether": 30_000.0}}
@@ -65,7 +65,7 @@ def _joined(key: str, source: dict[str, str], target: dict[str, str], medium: st
 
 def filter_lab(
     contents_ul: Mapping[str, Mapping[str, float]] | None = None, lab: LabFile | None = None
-) -> LabView:
+) -> PlannerView:
     return view_of(lab or filter_file(), contents_ul or {})
 
 
@@ -97,12 +97,12 @@ def on(document: dict[str, Any], lab: LabFile | None = None) -> Workflow:
     return resolve_keys(parse_workflow(document), (lab or filter_file()).tree)
 
 
-def planned(document: dict[str, Any], view: LabView) -> tuple[Plan, Proof]:
+def planned(document: dict[str, Any], view: PlannerView) -> tuple[Plan, WorkflowProof]:
     """Plan a workflow, and prove its plan."""
     workflow = on(document)
     plan = compile_workflow(workflow, view)
     return plan, prove_plan(workflow, plan, view)
 
 
-def codes(document: dict[str, Any], view: LabView) -> set[str]:
+def codes(document: dict[str, Any], view: PlannerView) -> set[str]:
     return {finding.code for finding in check_plan(on(document), view)}

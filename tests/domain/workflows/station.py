@@ -14,17 +14,17 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.recipes.xdl.declared import read_declared
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import read_declared
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
 from labweb.domain.resources.contents import LotId
-from labweb.domain.workflows.compile import LabView
-from labweb.domain.workflows.first_day import view_of_file
-from labweb.domain.workflows.protocol import Workflow, parse_workflow, resolve_keys
+from labweb.domain.workflows.compile_workflow import PlannerView
+from labweb.domain.workflows.view_of_lab_file import view_of_file
+from labweb.domain.workflows.workflow_file import Workflow, parse_workflow, resolve_keys
 
 ROOT = Path(__file__).parents[3]
 LAB = ROOT / "fixtures/labs/organic_synthesis"
@@ -63,12 +63,12 @@ def in_a_chain() -> dict[str, Any]:
     return {**found, "connections": kept}
 
 
-def station(**contents_ul: dict[str, float]) -> LabView:
+def station(**contents_ul: dict[str, float]) -> PlannerView:
     """Return the station on its first day; vessels that are named hold something else."""
     return view_of(station_file(), contents_ul)
 
 
-def view_of(lab: LabFile, contents_ul: Mapping[str, Mapping[str, float]]) -> LabView:
+def view_of(lab: LabFile, contents_ul: Mapping[str, Mapping[str, float]]) -> PlannerView:
     """Return a lab on its first day; vessels that are named hold something else."""
     lots = {lot.key: LotId(str(lot.id)) for lot in lab.lots}
     other = {

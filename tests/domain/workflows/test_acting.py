@@ -5,11 +5,15 @@ from typing import Any
 import pytest
 
 from labweb.domain.crutd.operations import Read, Update
-from labweb.domain.enrollment.device import Device
-from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec, StatusSpec
-from labweb.domain.graph.topology import Medium
+from labweb.domain.enrollment.admitted_device import AdmittedDevice
+from labweb.domain.enrollment.driver_spec import DriverSpec, ParameterSpec, StatusSpec
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.resources.contents import LotId
-from labweb.domain.workflows.passes.roles import READ_AFTER, READ_BEFORE, post_conditions
+from labweb.domain.workflows.passes.role_requirements import (
+    READ_AFTER,
+    READ_BEFORE,
+    post_conditions,
+)
 from tests.domain.workflows.asking import (
     actions,
     codes_of,
@@ -186,7 +190,7 @@ def test_each_action_of_the_table_has_a_condition_on_its_status(action: str) -> 
         digest="",
         statuses=(StatusSpec(name=status, value=ParameterSpec(name=status, type="number")),),
     )
-    device = Device(
+    device = AdmittedDevice(
         id=id_of("any"),
         key="any",
         name="Any",

@@ -8,10 +8,10 @@ from typing import Any
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import inspect_file
 from labweb.domain.crutd.operations import Dispose, TransferLiquid
-from labweb.domain.graph.injection import injected
-from labweb.domain.graph.parts_of_roles import SORTS
-from labweb.domain.workflows.passes.roles import beyond_limits
-from labweb.domain.workflows.steps import CARRIED_KINDS
+from labweb.domain.graph.device_parts import injected
+from labweb.domain.graph.device_parts_by_role import SORTS
+from labweb.domain.workflows.passes.role_requirements import beyond_limits
+from labweb.domain.workflows.unit_operations.step_palette import CARRIED_KINDS
 from tests.domain.workflows.asking import actions, codes_of, findings_of, plan_of
 from tests.domain.workflows.bench import Bench, flow, id_of, step
 

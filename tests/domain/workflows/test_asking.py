@@ -10,11 +10,11 @@ import pytest
 from msgspec.structs import replace
 
 from labweb.domain.crutd.operations import TransferMass
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.domain.resources.contents import Phase
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob, encode
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
 from tests.domain.workflows.solids import filter_raw, on, steps
 from tests.domain.workflows.station import view_of
 

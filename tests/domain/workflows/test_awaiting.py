@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from labweb.domain.crutd.operations import Read
-from labweb.domain.workflows.compile import check_plan, compile_workflow
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.workflows.compile_workflow import check_plan, compile_workflow
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
 from tests.domain.workflows.station import station, workflow
 
 WINDOW = {"vessel": "@reactor", "lowest": "18 °C", "highest": "25 °C"}

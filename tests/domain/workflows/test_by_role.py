@@ -8,12 +8,12 @@ from uuid import UUID, uuid4
 import msgspec
 import pytest
 
-from labweb.domain.approvals.policy import TemperatureAtLeast, asks
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.runs.isolation import find_waiting
-from labweb.domain.runs.job import JobState
-from labweb.domain.runs.scheduler import Candidate, JobView, ready, why_passed_by
-from labweb.domain.runs.session import SessionState
+from labweb.domain.approvals.approval_policy import TemperatureAtLeast, asks
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.runs.dispatch.job_scheduler import DeviceCandidate, JobView, ready, why_passed_by
+from labweb.domain.runs.dispatch.work_of_absent_host import find_waiting
+from labweb.domain.runs.host_link.host_session import SessionState
+from labweb.domain.runs.states.job_states import JobState
 from labweb.domain.workflows.plan import Plan, encode
 from tests.domain.workflows.asking import codes_of, findings_of, plan_of
 from tests.domain.workflows.bench import (
@@ -175,7 +175,7 @@ def test_it_waits_for_a_host_that_is_away_only_when_no_other_is_there() -> None:
     assert find_waiting([suspended], {A: away, B: away}).release == ()
 
 
-FREE = Candidate(
+FREE = DeviceCandidate(
     state="enrolled", host_name="Host 1", is_host_online=True, is_on_planned_host=True, silent_s=1.0
 )
 

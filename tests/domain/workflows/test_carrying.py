@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from labweb.domain.crutd.operations import TransferResource
-from labweb.domain.enrollment.spec import ActionSpec, DriverSpec
-from labweb.domain.graph.topology import Medium
+from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec
+from labweb.domain.graph.ports_and_connections import Medium
 from tests.domain.workflows.asking import codes_of, findings_of, plan_of, the_job
 from tests.domain.workflows.bench import Bench, a_bench, chain, flow, id_of, step
 

@@ -19,9 +19,9 @@ from msgspec.structs import replace as changed
 
 from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.resources.contents import LotId
-from labweb.domain.workflows.claiming import NOT_PROVED
 from labweb.domain.workflows.plan import Plan, PlannedJob
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
+from labweb.domain.workflows.plan_proof.step_claims import NOT_PROVED
 from tests.domain.workflows.asking import codes_of, findings_of, plan_of, read
 from tests.domain.workflows.bench import BALANCE, SPACE, Bench, chain, flow, id_of, transfer
 

@@ -2,9 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.workflows.compile import check_plan
+from labweb.domain.workflows.compile_workflow import check_plan
 from labweb.domain.workflows.plan import digest, encode
-from labweb.domain.workflows.protocol import parse_workflow
+from labweb.domain.workflows.workflow_file import parse_workflow
 from tests.domain.workflows.asking import (
     codes_of,
     findings_of,

@@ -8,26 +8,33 @@ from uuid import UUID
 import msgspec
 import pytest
 
-from labweb.domain.approvals.policy import TemperatureAtLeast, asks
-from labweb.domain.calibration.model import Calibration, Level, Quantity, Standing
-from labweb.domain.enrollment.spec import AccuracySpec
+from labweb.domain.approvals.approval_policy import TemperatureAtLeast, asks
+from labweb.domain.calibration.correction import (
+    AcceptedCalibration,
+    CalibrationQuantity,
+    CalibrationStanding,
+    CorrectionLevel,
+)
+from labweb.domain.enrollment.driver_spec import AccuracySpec
 from tests.domain.workflows.asking import findings_of, moved_nl, plan_of, the_job
 from tests.domain.workflows.bench import Bench, a_bench, flow, step, transfer
 
 GAIN = 0.97
 
 
-def calibration(gain: float = GAIN, **changes: Any) -> Calibration:  # noqa: ANN401
+def calibration(gain: float = GAIN, **changes: Any) -> AcceptedCalibration:  # noqa: ANN401
     """Return a calibration of a 5 mL pump at 10, 50 and 100 %, to 0.4 %."""
     levels = tuple(
-        Level(value=gain * device, expanded=0.004 * gain * device)
+        CorrectionLevel(value=gain * device, expanded=0.004 * gain * device)
         for device in (500.0, 2500.0, 5000.0)
     )
-    made = Calibration(id=UUID(int=7), quantity=Quantity.VOLUME, number=2, gain=gain, levels=levels)
+    made = AcceptedCalibration(
+        id=UUID(int=7), quantity=CalibrationQuantity.VOLUME, number=2, gain=gain, levels=levels
+    )
     return msgspec.structs.replace(made, **changes)
 
 
-def with_calibration(*made: Calibration, unit: str = "volume_ul") -> Bench:
+def with_calibration(*made: AcceptedCalibration, unit: str = "volume_ul") -> Bench:
     """Return the usual bench whose devices' numbers of one name can be calibrated."""
     bench = a_bench(syringe_ul=5000.0)
     quantity = "volume" if unit == "volume_ul" else "temperature"
@@ -102,7 +109,7 @@ def test_without_a_calibration_nothing_changes() -> None:
 
 
 def test_one_that_does_not_hold_corrects_nothing() -> None:
-    gone = calibration(standing=Standing.EXPIRED, reasons=("it was due on 2026-01-01",))
+    gone = calibration(standing=CalibrationStanding.EXPIRED, reasons=("it was due on 2026-01-01",))
     draw = the_job(plan_of(with_calibration(gone), moving("2 mL")), "aspirate")
     assert draw.args["volume_ul"] == 2000.0
     assert draw.corrections == ()
@@ -122,9 +129,11 @@ def test_a_step_that_needs_one_percent_is_refused_on_a_pump_without_calibration(
     [
         ({}, "2 mL", "0.3 %", "calibration.too_uncertain"),
         ({}, "0.2 mL", "1 %", "calibration.out_of_range"),
-        ({"standing": Standing.EXPIRED, "reasons": ("due",)}, "2 mL", "1 %", "calibration.expired"),
-        ({"standing": Standing.CHANGED, "reasons": ("new",)}, "2 mL", "1 %", "calibration.changed"),
-        ({"standing": Standing.WITHDRAWN, "reasons": ("x",)}, "2 mL", "1 %",
+        ({"standing": CalibrationStanding.EXPIRED, "reasons": ("due",)}, "2 mL", "1 %",
+         "calibration.expired"),
+        ({"standing": CalibrationStanding.CHANGED, "reasons": ("new",)}, "2 mL", "1 %",
+         "calibration.changed"),
+        ({"standing": CalibrationStanding.WITHDRAWN, "reasons": ("x",)}, "2 mL", "1 %",
          "calibration.withdrawn"),
     ],
 )  # fmt: skip
@@ -142,8 +151,11 @@ def test_a_calibrated_pump_does_what_a_step_needs() -> None:
 
 def test_a_corrected_number_beyond_what_the_device_takes_is_refused() -> None:
     heat = calibration(
-        gain=0.4, quantity=Quantity.TEMPERATURE,
-        levels=(Level(value=0.0, expanded=0.2), Level(value=300.0, expanded=0.2)),
+        gain=0.4, quantity=CalibrationQuantity.TEMPERATURE,
+        levels=(
+            CorrectionLevel(value=0.0, expanded=0.2),
+            CorrectionLevel(value=300.0, expanded=0.2),
+        ),
     )  # fmt: skip
     bench = with_calibration(heat, unit="temperature_c")
     document = flow(step("h", "heat_chill", vessel="@reactor", temperature="140 °C"))
@@ -152,8 +164,11 @@ def test_a_corrected_number_beyond_what_the_device_takes_is_refused() -> None:
 
 def test_a_policy_looks_at_the_temperature_that_was_asked_for() -> None:
     heat = calibration(
-        gain=1.1, quantity=Quantity.TEMPERATURE,
-        levels=(Level(value=0.0, expanded=0.2), Level(value=300.0, expanded=0.2)),
+        gain=1.1, quantity=CalibrationQuantity.TEMPERATURE,
+        levels=(
+            CorrectionLevel(value=0.0, expanded=0.2),
+            CorrectionLevel(value=300.0, expanded=0.2),
+        ),
     )  # fmt: skip
     bench = with_calibration(heat, unit="temperature_c")
     document = flow(step("h", "heat_chill", vessel="@reactor", temperature="60 °C"))
@@ -164,9 +179,13 @@ def test_a_policy_looks_at_the_temperature_that_was_asked_for() -> None:
 
 def a_warm_probe(**changes: Any) -> Bench:  # noqa: ANN401
     """Return the usual bench with a heater that is calibrated from 30 to 80 °C, to 0.3 K."""
-    levels = tuple(Level(value=c, expanded=0.3) for c in (30.0, 55.0, 80.0))
+    levels = tuple(CorrectionLevel(value=c, expanded=0.3) for c in (30.0, 55.0, 80.0))
     heat = calibration(
-        gain=1 / 1.03, offset=-2.0 / 1.03, quantity=Quantity.TEMPERATURE, levels=levels, **changes
+        gain=1 / 1.03,
+        offset=-2.0 / 1.03,
+        quantity=CalibrationQuantity.TEMPERATURE,
+        levels=levels,
+        **changes,
     )
     return with_calibration(heat, unit="temperature_c")
 
@@ -197,7 +216,7 @@ def test_a_temperature_beyond_what_was_compared_is_refused(temperature: str) -> 
 
 
 def test_without_a_calibration_in_force_a_set_point_is_sent_as_asked() -> None:
-    gone = a_warm_probe(standing=Standing.EXPIRED, reasons=("it was due on 2026-01-01",))
+    gone = a_warm_probe(standing=CalibrationStanding.EXPIRED, reasons=("it was due on 2026-01-01",))
     job = the_job(plan_of(gone, heating("120 °C")), "heat_to")
     assert (job.args["temperature_c"], job.corrections) == (120.0, ())
 
@@ -206,8 +225,16 @@ def test_without_a_calibration_in_force_a_set_point_is_sent_as_asked() -> None:
     ("changes", "wanted", "code"),
     [
         ({}, "0.2 K", "calibration.too_uncertain"),
-        ({"standing": Standing.EXPIRED, "reasons": ("due",)}, "0.5 K", "calibration.expired"),
-        ({"standing": Standing.WITHDRAWN, "reasons": ("x",)}, "0.5 K", "calibration.withdrawn"),
+        (
+            {"standing": CalibrationStanding.EXPIRED, "reasons": ("due",)},
+            "0.5 K",
+            "calibration.expired",
+        ),
+        (
+            {"standing": CalibrationStanding.WITHDRAWN, "reasons": ("x",)},
+            "0.5 K",
+            "calibration.withdrawn",
+        ),
     ],
 )
 def test_a_heater_that_is_not_known_to_be_good_enough_is_refused(

@@ -9,7 +9,7 @@ import pytest
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import inspect_file
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec
 from tests.domain.workflows.asking import actions, codes_of, plan_of
 from tests.domain.workflows.bench import Bench, flow, id_of, step
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labweb.domain.workflows.drafts import MOST_FINDINGS, check_draft
-from labweb.domain.workflows.protocol import check_workflow
+from labweb.domain.workflows.workflow_draft import MOST_FINDINGS, check_draft
+from labweb.domain.workflows.workflow_file import check_workflow
 from tests.domain.workflows.bench import chain, flow, step
 from tests.domain.workflows.documents import JSON, bent, documents, places, templates
 

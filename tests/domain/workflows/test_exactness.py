@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import InfeasibleError
-from labweb.domain.workflows.compile import check_plan, compile_workflow
-from labweb.domain.workflows.passes.splitting import split_strokes
+from labweb.domain.workflows.compile_workflow import check_plan, compile_workflow
+from labweb.domain.workflows.passes.liquids.stroke_splitting import split_strokes
 from tests.domain.workflows.asking import (
     read,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labweb.domain.crutd.operations import TransferResource
-from labweb.domain.enrollment.spec import ParameterSpec
+from labweb.domain.enrollment.driver_spec import ParameterSpec
 from tests.domain.workflows.asking import codes_of, plan_of, the_job
 from tests.domain.workflows.bench import (
     Bench,

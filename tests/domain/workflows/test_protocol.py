@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.errors import Finding, ProtocolError, UnitError
 from labweb.domain.units import parse, parse_volume_nl
-from labweb.domain.workflows.edges import find_cycle, sort_steps
-from labweb.domain.workflows.protocol import (
+from labweb.domain.workflows.workflow_edges import find_cycle, sort_steps
+from labweb.domain.workflows.workflow_file import (
     bind_materials,
     check_workflow,
     parse_workflow,

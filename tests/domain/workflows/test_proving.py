@@ -20,9 +20,9 @@ from msgspec.structs import replace as changed
 
 from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.resources.contents import LotId
-from labweb.domain.workflows.claiming import NOT_PROVED
 from labweb.domain.workflows.plan import Plan, PlannedJob
-from labweb.domain.workflows.proving import Proof, prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import WorkflowProof, prove_plan
+from labweb.domain.workflows.plan_proof.step_claims import NOT_PROVED
 from tests.domain.workflows.asking import plan_of, read
 from tests.domain.workflows.bench import Bench, a_bench, chain, flow, id_of, step, transfer
 
@@ -35,7 +35,9 @@ THREE = chain(
 )
 
 
-def proof_of(bench: Bench, value: dict[str, Any], mutant: Mutant = lambda plan: plan) -> Proof:
+def proof_of(
+    bench: Bench, value: dict[str, Any], mutant: Mutant = lambda plan: plan
+) -> WorkflowProof:
     plan = mutant(plan_of(bench, value))
     return prove_plan(read(bench, value), plan, bench.view())
 
@@ -266,4 +268,4 @@ def test_a_syringe_that_holds_liquid_is_beyond_the_proof_until_it_is_emptied() -
 
 def test_steps_that_move_no_matter_need_no_proof() -> None:
     value = flow(step("w", "wait", duration="5 s"), step("g", "weigh", balance="@balance_1"))
-    assert proof_of(a_bench(), value) == Proof()
+    assert proof_of(a_bench(), value) == WorkflowProof()

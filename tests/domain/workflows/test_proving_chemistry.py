@@ -9,11 +9,11 @@ import pytest
 from msgspec.structs import replace
 
 from labweb.domain.crutd.operations import Operation, React, TransferLiquid
-from labweb.domain.workflows.claiming import NOT_PROVED
-from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.compile_workflow import compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob
-from labweb.domain.workflows.protocol import Workflow
-from labweb.domain.workflows.proving import Proof, prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import WorkflowProof, prove_plan
+from labweb.domain.workflows.plan_proof.step_claims import NOT_PROVED
+from labweb.domain.workflows.workflow_file import Workflow
 from tests.domain.workflows.station import recipe_document, station, workflow
 
 MATTER = ("transfer", "separate", "push_gas", "react", "evaporate")
@@ -34,7 +34,7 @@ def step_id(kind: str, place: int = 0) -> str:
     return [one.step_id for one in plan().steps if one.kind == kind][place]
 
 
-def proof_of(mutant: Mutant = lambda plan: plan) -> Proof:
+def proof_of(mutant: Mutant = lambda plan: plan) -> WorkflowProof:
     return prove_plan(recipe(), mutant(plan()), station())
 
 

@@ -8,9 +8,9 @@ import pytest
 from msgspec.structs import replace
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.workflows.compile import compile_workflow
-from labweb.domain.workflows.plan import Plan, Statement
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.workflows.compile_workflow import compile_workflow
+from labweb.domain.workflows.plan import LotStatement, Plan
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
 from tests.domain.workflows.solids import (
     WET,
     codes,
@@ -139,7 +139,7 @@ def test_where_nobody_states_it_the_run_asks_and_half_of_it_is_planned() -> None
     for step, field in ((carrying(), "solids"), (("filter", bare()), "stays")):
         plan, proof = planned(steps(step), filter_lab(WET))
         (asking,) = (one for one in plan.jobs if one.asks)
-        assert isinstance(asking.states, Statement)
+        assert isinstance(asking.states, LotStatement)
         assert (asking.states.field, asking.states.leaves_out) == (field, False)
         assert carried_ug(drawn(plan.jobs)[::2]) == 250_000
         assert [one.step_id for one in proof.beyond] == ["s0"]

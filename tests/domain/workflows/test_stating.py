@@ -8,9 +8,9 @@ import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import InfeasibleError, ProtocolError
-from labweb.domain.workflows.compile import check_plan, compile_workflow
+from labweb.domain.workflows.compile_workflow import check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob, digest
-from labweb.domain.workflows.proving import Proof, prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import WorkflowProof, prove_plan
 from tests.domain.workflows.solids import steps
 from tests.domain.workflows.station import station, workflow
 
@@ -27,7 +27,9 @@ BOILS = {
 OVER = {"source": "@separator", "target": "@reactor", "volume": "all"}
 
 
-def planned(*made: tuple[str, dict[str, Any]], **contents: dict[str, float]) -> tuple[Plan, Proof]:
+def planned(
+    *made: tuple[str, dict[str, Any]], **contents: dict[str, float]
+) -> tuple[Plan, WorkflowProof]:
     document, lab = workflow(steps(*made)), station(**contents)
     plan = compile_workflow(document, lab)
     return plan, prove_plan(document, plan, lab)

@@ -6,7 +6,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from labweb.domain.dimensions import DIMENSIONS
-from labweb.domain.workflows.steps import (
+from labweb.domain.workflows.unit_operations.step_palette import (
     STEP_KINDS,
     PortKind,
     palette,

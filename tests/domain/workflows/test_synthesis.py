@@ -21,16 +21,16 @@ import pytest
 
 from labweb.domain.crutd.operations import React, TransferLiquid
 from labweb.domain.errors import Finding, ProtocolError
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.xdl.declared import Declared, read_declared
-from labweb.domain.recipes.xdl.read import read_xdl
-from labweb.domain.recipes.xdl.to_workflow import to_workflow
-from labweb.domain.recipes.xdl.unfold import unfold
-from labweb.domain.workflows.compile import check_plan, compile_workflow
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import to_workflow
+from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import Declared, read_declared
+from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
+from labweb.domain.workflows.compile_workflow import check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
-from labweb.domain.workflows.proving import prove_plan
+from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
+from labweb.domain.workflows.workflow_file import parse_workflow, resolve_keys
 from tests.domain.workflows.station import (
     DECLARED,
     LAB,

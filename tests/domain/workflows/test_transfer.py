@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
-from labweb.domain.graph.topology import PortRef
+from labweb.domain.graph.ports_and_connections import PortRef
 from labweb.domain.resources.contents import LotId
 from tests.domain.workflows.asking import (
     actions,

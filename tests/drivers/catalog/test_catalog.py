@@ -17,7 +17,7 @@ from drivers.catalog.__main__ import main
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import inspect_file, scan
 from drivers.catalog.source import MAX_SOURCE_BYTES, parse_source
-from labweb.domain.enrollment.spec import encode, parse
+from labweb.domain.enrollment.driver_spec import encode, parse
 from labweb.domain.errors import ConformanceError
 
 FOREIGN = """

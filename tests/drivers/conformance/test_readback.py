@@ -12,8 +12,15 @@ from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import scan
 from drivers.load import call_action, read_spec, read_status
 from drivers.readback import CANNOT_TELL
-from labweb.domain.enrollment.kept import Kept, Seen, Sort, kept_by, look, setting_actions
-from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.driver_spec import DriverSpec
+from labweb.domain.enrollment.setpoint_readback import (
+    KeptReading,
+    ReadbackVerdict,
+    Seen,
+    kept_by,
+    look,
+    setting_actions,
+)
 from labweb.domain.errors import DeviceError, Effect, LabError
 from tests.drivers.conformance.cases import EVERY
 from tests.drivers.conformance.deeds import Deed, deeds_of
@@ -48,7 +55,7 @@ def statuses_of(case: Case) -> frozenset[str]:
     return frozenset(one.name for one in _spec(case.dotted).statuses)
 
 
-def kept_of(case: Case, act: Action) -> tuple[Kept, ...]:
+def kept_of(case: Case, act: Action) -> tuple[KeptReading, ...]:
     return kept_by(act[0], act[1], statuses_of(case))
 
 
@@ -159,7 +166,7 @@ def test_what_stands_after_an_action_raises_no_alarm_until_its_device_restarts(
             seen = looked(device, seen)
 
 
-def looked(device: Driver[Any, Any], seen: dict[Kept, Seen]) -> dict[Kept, Seen]:
+def looked(device: Driver[Any, Any], seen: dict[KeptReading, Seen]) -> dict[KeptReading, Seen]:
     """Read everything once, as a host does between two steps."""
     found = {}
     for kept, before in seen.items():
@@ -259,7 +266,7 @@ def test_a_stirrer_that_stalls_after_its_step_reads_as_stalled(bench: Bench, mod
         while not any(one.is_lost for one in seen.values()):
             assert time.monotonic() - at_s < MINUTE_S / SPEED + LATE_S
             seen = looked(device, seen)
-    assert {one.sort for one, found in seen.items() if found.is_lost} == {Sort.MOTION}
+    assert {one.sort for one, found in seen.items() if found.is_lost} == {ReadbackVerdict.MOTION}
 
 
 def test_every_driver_that_leaves_something_set_can_be_read_back_or_says_why_not() -> None:

@@ -17,7 +17,7 @@ from drivers.new.order import CARRIERS, LISTS, DriverOrder, take_order
 from drivers.new.ranges_table import RANGES
 from drivers.new.role import read_role, role_names
 from drivers.new.write import write_order
-from labweb.domain.enrollment.spec import UNITS
+from labweb.domain.enrollment.driver_spec import UNITS
 from labweb.domain.errors import DefinitionError
 from tests.architecture.project import ROOT
 

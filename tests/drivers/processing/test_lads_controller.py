@@ -19,7 +19,7 @@ from drivers.transports.opcua.codes import LOST, REFUSED, failure
 from drivers.transports.opcua.nodes import UNECE, EngineeringUnit
 from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.transports.urls import line_key, make_transport
-from labweb.domain.enrollment.spec import check_arguments
+from labweb.domain.enrollment.driver_spec import check_arguments
 from labweb.domain.errors import (
     DefinitionError,
     DeviceError,

@@ -24,7 +24,10 @@ import msgspec
 from celery import Celery
 
 from drivers.transports.urls import line_key
-from labweb.domain.messages import Command, DeviceConfig, EdgeEvent, EdgeFrame, Events
+from labweb.domain.messages.commands import Command
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.messages.events import EdgeEvent, EventsFrame
+from labweb.domain.messages.frames import EdgeFrame
 from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, HOST_ID, SPACE, Server, a_device, until
 from tests.workers.hub import Hub
@@ -79,7 +82,7 @@ class Ledger(Hub):
         return self.head
 
     def _take(self, socket: Any, frame: EdgeFrame) -> None:  # noqa: ANN401 - a connection
-        if isinstance(frame, Events):
+        if isinstance(frame, EventsFrame):
             self._keep(frame.events)
             super()._take(socket, msgspec.structs.replace(frame, events=[]))
             self.frames.clear()

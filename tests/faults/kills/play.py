@@ -14,7 +14,8 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import Command, Do, EdgeEvent, Resolve
+from labweb.domain.messages.commands import Command, Do, Resolve
+from labweb.domain.messages.events import EdgeEvent
 from tests.faults.kills.lab import Bench, Lab
 from tests.workers.bench import BOOT_ID, HOST_ID, a_bottle, a_do, a_syringe, by_position
 from workers.journal.journal import check_journal

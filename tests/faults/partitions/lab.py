@@ -24,8 +24,11 @@ import msgspec
 from celery import Celery
 
 from drivers.transports.urls import line_key
-from labweb.domain.messages import Command, Do, EdgeFrame, Events, canonical
-from labweb.domain.runs.session import SessionState, state_by_silence
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.commands import Command, Do
+from labweb.domain.messages.events import EventsFrame
+from labweb.domain.messages.frames import EdgeFrame
+from labweb.domain.runs.host_link.host_session import SessionState, state_by_silence
 from tests.faults.kills.lab import Ledger
 from tests.faults.netns import Net
 from tests.faults.pump import CountingPump
@@ -60,7 +63,7 @@ class Ear(Ledger):
     def _take(self, socket: Any, frame: EdgeFrame) -> None:  # noqa: ANN401 - a connection
         self.heard_s = time.monotonic()
         super()._take(socket, frame)
-        if isinstance(frame, Events):
+        if isinstance(frame, EventsFrame):
             return
 
     def state(self) -> SessionState:

@@ -13,7 +13,7 @@ from django.http import HttpResponse
 from labweb.accounts import services
 from labweb.accounts.models import AccessToken, AuditEntry
 from labweb.common.clock import now
-from labweb.domain.approvals.tokens import MOST_TOKENS, AccessScope
+from labweb.domain.approvals.access_tokens import MOST_TOKENS, AccessScope
 from tests.builders import PASSWORD, Bench
 from tests.labweb.web import call, code_of, read, signed_in
 

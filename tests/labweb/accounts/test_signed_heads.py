@@ -23,7 +23,7 @@ from labweb.approvals.selectors import decision_hash
 from labweb.common import signing
 from labweb.crutd.models import Event, EventHead, Ticket
 from labweb.crutd.selectors.event_chain import event_hash
-from labweb.domain.messages import Heads, countersigned_bytes
+from labweb.domain.messages.chain_heads import Heads, countersigned_bytes
 from labweb.runs import services
 from tests.builders import HEAT, Bench, Edge, a_started_run, an_edge
 

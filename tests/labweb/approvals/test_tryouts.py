@@ -16,7 +16,7 @@ from labweb.approvals.models import Tryout
 from labweb.approvals.services import TryoutWanted, TryoutWish
 from labweb.common import clock, signing
 from labweb.crutd.models import Transaction
-from labweb.domain.enrollment.bundle import decode_bundle
+from labweb.domain.enrollment.driver_bundle import decode_bundle
 from labweb.domain.errors import (
     DefinitionError,
     ForbiddenError,
@@ -26,7 +26,7 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages import (
+from labweb.domain.messages.driver_tryouts import (
     SimulatedModel,
     TryoutAsk,
     TryoutOffer,

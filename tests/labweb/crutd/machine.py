@@ -23,10 +23,11 @@ from labweb.crutd.selectors.event_chain import first_broken_event
 from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.crutd.services import Settlement
-from labweb.domain.crutd import decide, lifecycle, operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd import operations, transaction_states
+from labweb.domain.crutd import settlement as decide
 from labweb.domain.crutd.ledger import Account
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import LabError
 from labweb.domain.resources.contents import Phase
 from labweb.resources.models import Lab, Lot, Resource
@@ -36,7 +37,7 @@ THINGS = (*VESSELS, "rack", "bench", "tray")
 PLACES = ("lab", "bench", "rack", "tray", "archive")
 KINDS = st.sampled_from(["done", "half", "none", "unknown", "too much", "drift"])
 AMOUNTS = st.integers(1, 9) | st.integers(1, 12_000_000)
-FINAL = {state.value for state in lifecycle.FINAL}
+FINAL = {state.value for state in transaction_states.FINAL}
 
 _AT = {"parent": "bench", "pose": None}
 LAB_FILE: dict[str, Any] = {
@@ -159,7 +160,7 @@ class LabMachine(RuleBasedStateMachine):
     def step(self, index: int, state: TransactionState) -> None:
         """Report any state at all: only the next one is taken."""
         key, _ = self.pick(self.live, index)
-        if state not in {*lifecycle.FINAL, TransactionState.QUARANTINED}:
+        if state not in {*transaction_states.FINAL, TransactionState.QUARANTINED}:
             self.attempt(lambda: services.advance(key, state))
 
     @precondition(lambda self: self.live)
@@ -323,7 +324,7 @@ class LabMachine(RuleBasedStateMachine):
             was = self.told.get(key)
             if was is not None and was != state:
                 # An act by hand takes several steps at once; what a host does takes one each.
-                allowed = {one.value for one in lifecycle.NEXT[TransactionState(was)]}
+                allowed = {one.value for one in transaction_states.NEXT[TransactionState(was)]}
                 assert state in allowed, f"I7: {was} became {state}"
         assert not self.told.keys() - now.keys(), "I7: a transaction is gone"
         self.told = now

@@ -16,7 +16,7 @@ from labweb.crutd import services
 from labweb.crutd.models import EventHead
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LabError
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.resources.models import Lab, Resource
 from tests.builders import STARTER, Bench, a_lab
 from tests.labweb.crutd.hand import delivery, done, material, node, post, pour, refused, rows

@@ -12,7 +12,7 @@ from labweb.accounts.models import AuditEntry
 from labweb.crutd import services
 from labweb.crutd.models import Event, Holding, Ticket
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.resources.models import Resource
 from labweb.runs import services as run_services
 from labweb.runs.selectors import lab_summary

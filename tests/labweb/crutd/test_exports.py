@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from labweb.accounts.selectors import User
-from labweb.domain.crutd.deliveries import (
+from labweb.domain.crutd.delivery_table import (
     Delivery,
-    Share,
+    DeliveryShare,
     parse_deliveries,
     render_deliveries,
 )
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.domain.resources.contents import Phase
 from labweb.resources.models import Resource
 from tests.builders import Bench, a_user
@@ -53,7 +53,8 @@ def test_what_was_received_reads_as_deliveries(bench: Bench) -> None:
 
 def test_what_a_supplier_is_called_is_no_formula_and_reads_as_it_was() -> None:
     told = Delivery(
-        lot="+w7", material="water", phase=Phase.LIQUID, shares=(Share(2, "flask_1", 5_000),),
+        lot="+w7", material="water", phase=Phase.LIQUID,
+        shares=(DeliveryShare(2, "flask_1", 5_000),),
         supplier='=HYPERLINK("x")', number="'t Hart", purity="-1",
     )  # fmt: skip
     text = render_deliveries([told])

@@ -15,13 +15,13 @@ from django.core.management.base import CommandError
 from labweb.crutd.models import Entry, Event, Holding, Transaction
 from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.crutd.services import import_lab
-from labweb.domain.graph.lab_file.bind import apply_binding
-from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
+from labweb.domain.graph.lab_file.apply_binding import apply_binding
+from labweb.domain.graph.lab_file.binding_file import read_binding
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.lab_file.uni_lab_os.graph_write import export_uni_lab_os
 from labweb.enrollment.models import Device
 from labweb.resources.models import Connection, Lab, Lot, Material, Resource
 from labweb.resources.selectors import the_lab

@@ -22,8 +22,8 @@ from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.crutd.services import import_labware, lock_operation
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import DefinitionError
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
 from labweb.resources.models import Lab, Resource
 from tests.builders import Bench
 from tests.domain.resources.labware_files import Json, an_opentrons_plate

@@ -19,8 +19,8 @@ from django.db import OperationalError, connections
 from labweb.crutd import services
 from labweb.crutd.models import ResourceLock, ResourceReservation
 from labweb.crutd.services import Settlement
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Read
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import LockedError
 from labweb.resources.models import Resource
 from labweb.resources.selectors import Lab

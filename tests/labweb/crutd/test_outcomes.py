@@ -9,9 +9,9 @@ import msgspec
 from labweb.crutd.models import Entry, ResourceLock, Ticket, Transaction
 from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.crutd.selectors.ledger_verification import ledger_violations
-from labweb.domain.crutd.conditions import Condition, evaluate
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.domain.runs.edge import Report, conclude
+from labweb.domain.crutd.pre_and_postconditions import Condition, evaluate
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
+from labweb.domain.runs.host_journal.action_states import Report, conclude
 from labweb.resources.models import Resource
 from labweb.runs.models import Attempt, Job
 from tests.builders import Bench, a_started_run, an_edge, to_transfer

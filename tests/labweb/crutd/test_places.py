@@ -11,9 +11,9 @@ from labweb.common.clock import new_id
 from labweb.crutd import services
 from labweb.domain.crutd import operations
 from labweb.domain.errors import PreconditionError
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.resources.node import Resource as ResourceData
-from labweb.domain.resources.places import PLACES
+from labweb.domain.resources.placement import PLACES
+from labweb.domain.resources.resource import Resource as ResourceData
+from labweb.domain.resources.resource_kinds import KINDS
 from labweb.resources.models import Resource
 from tests.builders import Bench
 from tests.labweb.crutd.hand import done, node, refused

@@ -15,7 +15,7 @@ import pytest
 
 from labweb.crutd.selectors.lineage import lineage
 from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_read import read_prov
+from labweb.domain.crutd.provenance.prov_json_read import read_prov
 from labweb.resources.models import Lot, Material
 from labweb.runs.selectors import provenance
 from tests.builders import Bench, a_user

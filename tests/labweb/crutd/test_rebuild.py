@@ -15,9 +15,9 @@ from labweb.crutd import services
 from labweb.crutd.models import Holding
 from labweb.crutd.selectors.history_replay import as_it_was, rebuild_differences, replayed
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import ReconcileError
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.resources.models import Resource
 from labweb.runs import services as run_services
 from tests.builders import Bench, a_started_run, a_user, an_edge, dispatched, to_transfer

@@ -20,9 +20,9 @@ from labweb.crutd import services
 from labweb.crutd.models import Entry, Event, EventSubject
 from labweb.crutd.services import event_hash
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import LockedError, PreconditionError, StateError
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.runs import services as run_services
 from labweb.workflows.models import WorkflowVersion
 from tests.builders import HEAT, STARTER, Bench, a_started_run, an_edge

@@ -15,8 +15,8 @@ from labweb.crutd import services
 from labweb.crutd.selectors.event_chain import event_hash
 from labweb.crutd.services import events, locks, transactions
 from labweb.crutd.services.ledger_posting import post
-from labweb.domain.crutd import checks, decide, lifecycle
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.crutd import operation_checks, settlement, transaction_states
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.domain.resources.contents import take
 from labweb.resources import services as resource_services
 from tests.labweb.crutd.machine import LAB_FILE, LabMachine
@@ -75,8 +75,8 @@ def bodiless(prev: str, seq: int, at: str, about: str, _body: object) -> str:
 
 
 MUTANTS: dict[str, tuple[object, str, Any, str]] = {
-    "a draw loses a nanolitre": (decide, "take", less(take), "I3"),
-    "every step is allowed": (lifecycle, "check_step", nothing, "cannot go from|I7"),
+    "a draw loses a nanolitre": (settlement, "take", less(take), "I3"),
+    "every step is allowed": (transaction_states, "check_step", nothing, "cannot go from|I7"),
     "locks do not exclude": (
         locks,
         "conflicts",
@@ -84,7 +84,7 @@ MUTANTS: dict[str, tuple[object, str, Any, str]] = {
         "one_exclusive_lock|never_overdrawn|I9|I10",
     ),
     "a reservation stays": (transactions, "post", unreleased(post), "reserves|I10"),
-    "anything stands in anything": (checks, "_check_carry", nothing, "own_parent|I11"),
+    "anything stands in anything": (operation_checks, "_check_carry", nothing, "own_parent|I11"),
     "a difference opens no ticket": (transactions, "open_ticket", silent, "I12"),
     "the hash forgets the body": (events, "event_hash", bodiless, "I21"),
     "a change is not counted": (resource_services, "raise_revs", silent, "I22"),

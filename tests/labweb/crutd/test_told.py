@@ -6,7 +6,7 @@ from typing import Any
 
 from labweb.crutd import services
 from labweb.crutd.models import Event
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.resources.models import Resource
 from labweb.runs.models import Attempt
 from tests.builders import Bench, a_started_run, an_edge, dispatched

@@ -17,8 +17,8 @@ from labweb.crutd.models import Balance, Entry, Event, EventHead, Holding, Resou
 from labweb.crutd.selectors.event_chain import first_broken_event
 from labweb.crutd.selectors.ledger_verification import CHECKS, ledger_violations
 from labweb.crutd.services import Settlement, lock_operation, settle
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Update
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from tests.builders import Bench, a_started_run, an_edge, to_transfer
 
 

@@ -16,9 +16,9 @@ from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
 from labweb.common import authority
-from labweb.domain.enrollment.sighting import MOST_OPEN
+from labweb.domain.enrollment.device_announcements import MOST_OPEN
 from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenError, StateError
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device
 from labweb.runs.services.picture import lab_view

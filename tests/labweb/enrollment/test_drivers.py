@@ -17,9 +17,9 @@ from labweb.accounts.models import AuditEntry
 from labweb.approvals import services
 from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.common import clock, signing
-from labweb.domain.enrollment.bundle import decode_bundle, digest_of
+from labweb.domain.enrollment.driver_bundle import decode_bundle, digest_of
 from labweb.domain.errors import ConformanceError, ForbiddenError, StateError
-from labweb.domain.messages import DriverApproval, Signed
+from labweb.domain.messages.devices_and_drivers import DriverApproval, Signed
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import DriverVersion
 from labweb.enrollment.services import drivers

@@ -18,9 +18,15 @@ from pytest_django import Settings
 from labweb.accounts.models import AuditEntry
 from labweb.common import authority
 from labweb.common.clock import now
-from labweb.domain.enrollment.join import Admitted, Ask, Waiting, code_of, parse_token
+from labweb.domain.enrollment.host_join import (
+    AdmittedHost,
+    JoinAsk,
+    JoinWaiting,
+    code_of,
+    parse_token,
+)
 from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenError, StateError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.runs import services as run_services
@@ -44,9 +50,11 @@ def a_token(bench: Bench, name: str = "") -> str:
     return services.make_token(bench.lab, actor=bench.people["admin"], name=name).text
 
 
-def ask_with(token: str, key: HostKey, **fields: object) -> Ask:
+def ask_with(token: str, key: HostKey, **fields: object) -> JoinAsk:
     read = parse_token(token)
-    ask = Ask(token_id=read.token_id, secret=read.secret, csr=signing_request(key), name="Bench 2")
+    ask = JoinAsk(
+        token_id=read.token_id, secret=read.secret, csr=signing_request(key), name="Bench 2"
+    )
     return msgspec.structs.replace(ask, **fields)
 
 
@@ -107,12 +115,12 @@ def test_a_machine_waits_until_its_code_is_typed_and_then_has_a_certificate(benc
     key = a_key()
     request = services.take_request(ask_with(a_token(bench), key))
     waiting = services.answer_to(request)
-    assert waiting == Waiting(code=typed(key))
+    assert waiting == JoinWaiting(code=typed(key))
     host = services.admit_request(
         request.id, typed=typed(key), reason="stood there", actor=bench.people["admin"]
     )
     answer = services.answer_to(selectors.find_request(request.id))
-    assert isinstance(answer, Admitted)
+    assert isinstance(answer, AdmittedHost)
     assert (answer.host_id, host.key, host.state) == (host.id, "bench_2", "enrolling")
     row = HostCertificate.objects.get(host=host)
     assert timedelta(days=89) < row.not_after - now() <= timedelta(days=90)

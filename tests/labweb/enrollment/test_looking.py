@@ -12,9 +12,9 @@ from labweb.accounts.models import AuditEntry
 from labweb.common import signing
 from labweb.common.clock import now
 from labweb.crutd.models import Event, Transaction
-from labweb.domain.enrollment.bundle import decode_bundle
+from labweb.domain.enrollment.driver_bundle import decode_bundle
 from labweb.domain.errors import ForbiddenError, StateError
-from labweb.domain.messages import LookOrder, LookTold
+from labweb.domain.messages.device_looks import LookOrder, LookTold
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Device, EdgeHost, Look
 from labweb.runs.models import Job, Outbox

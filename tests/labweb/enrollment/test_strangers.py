@@ -13,10 +13,14 @@ from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
 from labweb.common import authority
-from labweb.domain.enrollment.claims import KEY_CHANGED_AFTER_S, LONGEST_GAP_S
-from labweb.domain.enrollment.sighting import MAKES_ROOM_AFTER_S, MOST_OF_ONE_PLACE, MOST_OPEN
+from labweb.domain.enrollment.announcement_trust import KEY_CHANGED_AFTER_S, LONGEST_GAP_S
+from labweb.domain.enrollment.device_announcements import (
+    MAKES_ROOM_AFTER_S,
+    MOST_OF_ONE_PLACE,
+    MOST_OPEN,
+)
 from labweb.domain.errors import StateError
-from labweb.domain.messages import Sighting
+from labweb.domain.messages.certificates_and_sightings import Sighting
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device
 from labweb.runs.services.picture import lab_view

@@ -11,14 +11,25 @@ import msgspec
 from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
-from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
-from labweb.domain.messages import Command, Signed, StopLab, Tick, Welcome
-from labweb.domain.runs import acting, edge, halting, relay, standing, taking
-from labweb.domain.runs.acting import Scene, Started
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.journal import ActionRow
-from labweb.domain.runs.meeting import partner_of
-from labweb.domain.runs.moment import Moment
+from labweb.domain.crutd.pre_and_postconditions import (
+    Condition,
+    ConditionResult,
+    Readings,
+    evaluate,
+)
+from labweb.domain.messages.commands import Command, Tick
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.session import Welcome
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.dispatch import command_outbox
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
+from labweb.domain.runs.host_actions.action_execution import HostScene, Started
+from labweb.domain.runs.host_journal import action_states as edge
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.host_moment import HostMoment
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
+from labweb.domain.runs.host_journal.paired_actions import partner_of
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
@@ -59,10 +70,10 @@ class Host:
             devices=served.devices,
         )
         with self.write() as tx:
-            standing.write_welcome(tx, welcome)
-            standing.write_server_clock(tx, welcome.tick, self.now())
+            host_state.write_welcome(tx, welcome)
+            host_state.write_server_clock(tx, welcome.tick, self.now())
         with self.write() as tx:
-            standing.write_armed(tx, "boot", None)
+            host_state.write_armed(tx, "boot", None)
 
     def write(self) -> MemoryWrite:
         return MemoryWrite(self.disk, self.now(), lambda has_appended: None)
@@ -71,8 +82,8 @@ class Host:
         """Return the moment by the server's clock, which is far from the host's own."""
         return Tick(clock=self.server_clock, at_s=self.mono_s + 5_000_000.0)
 
-    def now(self) -> Moment:
-        return Moment(boot_id="boot", mono_s=self.mono_s, wall_s=self.wall_s)
+    def now(self) -> HostMoment:
+        return HostMoment(boot_id="boot", mono_s=self.mono_s, wall_s=self.wall_s)
 
     def take(self) -> None:
         """Take every command for this host that waits in the outbox."""
@@ -82,7 +93,7 @@ class Host:
             sent = msgspec.structs.replace(sent, at_s=sent.at_s - self.waited_s)
             signed, command = as_sent(row, self.edge.epoch, late_s=self.late_s, sent=sent)
             with self.write() as tx:
-                taking.take_command(
+                command_acceptance.take_command(
                     tx, signed, command, at=self.now(), line_of=lambda device_id: "line"
                 )
 
@@ -101,15 +112,19 @@ class Host:
         # Of two that meet, the second has to be ready before the first may start both.
         for row in (*rows, *(one for one in rows if partner_of(one.do))):
             with self.write() as tx:
-                scene = Scene(pid=1, driver_digest="d", judged=judged(row.do.pre, before))
-                start = acting.start if partner_of(row.do) is None else acting.start_both
+                scene = HostScene(pid=1, driver_digest="d", judged=judged(row.do.pre, before))
+                start = (
+                    action_execution.start
+                    if partner_of(row.do) is None
+                    else action_execution.start_both
+                )
                 found = start(tx, row, row.do, at=self.now(), scene=scene)
             if isinstance(found, Started):
                 amount = row.do.operation.get("amount_nl")
                 done = report or Report(ok=True, moved_nl=amount)
                 self._receive(row)
                 with self.write() as tx:
-                    acting.write_end(tx, row, done, judged(row.do.post, after))
+                    action_execution.write_end(tx, row, done, judged(row.do.post, after))
                 return True
             if found.kind == edge.REJECT:
                 return True
@@ -123,34 +138,36 @@ class Host:
         with self.write() as tx:
             row = tx.action(partner_id)
             assert row is not None
-            acting.write_end(tx, row, Report(ok=True), [])
+            action_execution.write_end(tx, row, Report(ok=True), [])
 
     def begin(self) -> ActionRow:
         """Start the next action that may, and leave it under way."""
         row = self.disk.rows(ActionState.ACCEPTED)[0]
-        scene = Scene(pid=1, driver_digest="d")
+        scene = HostScene(pid=1, driver_digest="d")
         with self.write() as tx:
-            assert isinstance(acting.start(tx, row, row.do, at=self.now(), scene=scene), Started)
+            assert isinstance(
+                action_execution.start(tx, row, row.do, at=self.now(), scene=scene), Started
+            )
         return row
 
     def end(self, row: ActionRow, report: Report, *, is_halted: bool = False) -> None:
         """End an action that is under way."""
         if is_halted:
             with self.write() as tx:
-                halting.write_halt(tx, row, halting.WITH_ACTION)
+                halted_setpoints.write_halt(tx, row, halted_setpoints.WITH_ACTION)
         with self.write() as tx:
-            acting.write_end(tx, row, report, [])
+            action_execution.write_end(tx, row, report, [])
 
     def stop(self, stop_id: UUID) -> None:
         """Take the word that the lab is stopped."""
         with self.write() as tx:
-            standing.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
+            host_state.write_stop(tx, StopLabFrame(stop_id=stop_id, issued_by="ada"))
 
     def halt_owed(self) -> None:
         """Halt what is owed a halt, as the processes of the lines do once a device answers."""
         for device_id in sorted(self.disk.host_state("").owes_halt):
             with self.write() as tx:
-                halting.write_late_halt(
+                halted_setpoints.write_late_halt(
                     tx, UUID(device_id), "its device was halted, and stands", {}
                 )
 
@@ -170,7 +187,7 @@ def hear_stop(bench: Bench, host: Host) -> None:
 
 def judged(
     conditions: list[dict[str, Any]], readings: Readings | None
-) -> list[tuple[Condition, Result]]:
+) -> list[tuple[Condition, ConditionResult]]:
     """Judge conditions as they came in a command; None: nobody judges them."""
     if readings is None:
         return []
@@ -189,10 +206,12 @@ def as_sent(
         return Signed(body=body, key_id="k", signature="")
 
     if row.kind == "batch":
-        draft = msgspec.convert(row.body, relay.BatchDraft)
-        command: Command = relay.signed_batch(draft, epoch, sign, at=at, sent=sent)
+        draft = msgspec.convert(row.body, command_outbox.BatchDraft)
+        command: Command = command_outbox.signed_batch(draft, epoch, sign, at=at, sent=sent)
     else:
-        command = relay.stamped(msgspec.convert(row.body, Command), epoch, at=at, sent=sent)
+        command = command_outbox.stamped(
+            msgspec.convert(row.body, Command), epoch, at=at, sent=sent
+        )
     return sign(command), command
 
 

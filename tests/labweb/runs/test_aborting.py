@@ -13,9 +13,9 @@ from labweb.accounts.models import AuditEntry
 from labweb.common.clock import now
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import Effect
-from labweb.domain.runs import halting
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
@@ -168,7 +168,7 @@ def test_a_device_that_does_not_answer_owes_its_halt_and_the_run_ends(
     cut_off(host, row)
     heater = bench.device("heater_1")
     with host.write() as tx:
-        halting.note_waiting(tx, heater.id, "it does not answer")
+        halted_setpoints.note_waiting(tx, heater.id, "it does not answer")
     host.tell()
     assert (state(run), halts(bench, run)) == ("aborted", [("owed", "it does not answer")])
     client = signed_in(bench.people["observer"])

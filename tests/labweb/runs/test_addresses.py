@@ -8,7 +8,7 @@ import pytest
 
 from drivers.load import read_spec
 from drivers.transports.urls import make_transport
-from labweb.domain.graph.lab_file.model import DeviceEntry, Simulator
+from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFileSimulator
 from labweb.runs.services.seed import transport_urls
 
 ADDRESSES = [
@@ -36,7 +36,7 @@ def test_the_address_is_of_the_sort_that_the_driver_speaks_through(
         name="It",
         host_id=uuid4(),
         driver=f"drivers.{module}:It",
-        simulator=Simulator(model=model),
+        simulator=LabFileSimulator(model=model),
     )
     lab: Any = SimpleNamespace(devices=(entry,))
     found = transport_urls(cast("Any", lab), {"it": endpoint})

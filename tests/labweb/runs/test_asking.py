@@ -11,7 +11,7 @@ from django.core.management import CommandError, call_command
 from labweb.accounts.models import AuditEntry
 from labweb.approvals.models import ApprovalRequest
 from labweb.domain.errors import ForbiddenError
-from labweb.domain.messages import Ask, AskTold
+from labweb.domain.messages.action_asks import ActionAsk, AskTold
 from labweb.runs import services
 from labweb.runs.models import Attempt, Run
 from labweb.runs.services import asking
@@ -20,7 +20,7 @@ from tests.builders import Bench, an_edge, dispatched
 TIMER = "timer_1"
 
 
-def an_ask(bench: Bench, key: str = TIMER, **changes: Any) -> Ask:  # noqa: ANN401 - any field
+def an_ask(bench: Bench, key: str = TIMER, **changes: Any) -> ActionAsk:  # noqa: ANN401 - any field
     fields: dict[str, Any] = {
         "epoch": 1,
         "ask_id": uuid4(),
@@ -29,10 +29,10 @@ def an_ask(bench: Bench, key: str = TIMER, **changes: Any) -> Ask:  # noqa: ANN4
         "args": {"duration_s": 5.0},
         "source": "ros2",
     }
-    return Ask(**(fields | changes))
+    return ActionAsk(**(fields | changes))
 
 
-def take(bench: Bench, ask: Ask) -> AskTold:
+def take(bench: Bench, ask: ActionAsk) -> AskTold:
     return services.take_ask(bench.host.id, ask)
 
 

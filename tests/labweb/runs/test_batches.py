@@ -8,8 +8,8 @@ import pytest
 
 from labweb.crutd.models import ResourceLock
 from labweb.domain.errors import StateError
-from labweb.domain.runs import standing
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_actions import host_state
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.resources.models import Resource
 from labweb.runs import services
@@ -55,7 +55,7 @@ def test_a_batch_ends_with_no_further_word_from_the_server(run: Run, host: Host)
     services.dispatch_ready()
     host.take()
     with host.write() as tx:
-        standing.write_link_lost(tx, host.now())
+        host_state.write_link_lost(tx, host.now())
     while host.step():
         host.mono_s += 1.0
     assert set(states(run)) == {"dispatched"}, "the server has heard nothing yet"
@@ -70,12 +70,12 @@ def test_a_batch_holds_when_the_server_is_away_for_too_long(run: Run, host: Host
     services.dispatch_ready()
     host.take()
     with host.write() as tx:
-        standing.write_link_lost(tx, host.now())
+        host_state.write_link_lost(tx, host.now())
     assert host.step()
     host.mono_s += 601.0
     assert not host.step()
     with host.write() as tx:
-        standing.write_armed(tx, "boot", None)
+        host_state.write_armed(tx, "boot", None)
     assert host.step()
 
 

@@ -8,8 +8,8 @@ from uuid import uuid4
 import pytest
 
 from labweb.common.clock import now
-from labweb.domain.runs import standing
-from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.host_actions import host_state
+from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.runs import services
 from labweb.runs.models import Calibration, Job, Run
 from labweb.workflows.models import WorkflowVersion
@@ -57,7 +57,7 @@ def run(bench: Bench, calibration: Calibration, host: Host) -> Run:
 
 def lose(host: Host) -> None:
     with host.write() as tx:
-        standing.write_link_lost(tx, host.now())
+        host_state.write_link_lost(tx, host.now())
 
 
 def first_corrected(run: Run) -> Job:
@@ -166,10 +166,10 @@ def test_the_way_of_the_answer_counts_as_time_gone_by(host: Host) -> None:
     tick = host.tick()
     host.mono_s += 60.0
     with host.write() as tx:
-        standing.write_server_clock(tx, tick, asked)
+        host_state.write_server_clock(tx, tick, asked)
         assert tx.host_state("boot").server_ahead_s == tick.at_s - asked.mono_s
         assert tx.host_state("another boot").server_clock == ""
-        standing.write_server_clock(tx, None, asked)
+        host_state.write_server_clock(tx, None, asked)
         assert tx.host_state("boot").server_clock == ""
 
 

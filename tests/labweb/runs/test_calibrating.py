@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from labweb.common.clock import now
-from labweb.domain.calibration.gravimetric import Surroundings
-from labweb.domain.calibration.order import Reference, VolumeOrder
-from labweb.domain.calibration.water import z_factor_ul_mg
+from labweb.domain.calibration.calibration_order import Reference, VolumeOrder
+from labweb.domain.calibration.gravimetric_volume import Surroundings
+from labweb.domain.calibration.water_density import z_factor_ul_mg
 from labweb.domain.errors import (
     DefinitionError,
     ForbiddenError,

@@ -12,8 +12,8 @@ import pytest
 
 from labweb.crutd.models import Ticket
 from labweb.domain.errors import Effect
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.runs.edge import Report
+from labweb.domain.resources.resource_kinds import KINDS
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
 from labweb.resources.models import Connection, Resource

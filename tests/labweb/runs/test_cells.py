@@ -10,8 +10,8 @@ from labweb.common.clock import new_id
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.operations import Create, Read, Update, from_json
 from labweb.domain.errors import LabError
-from labweb.domain.graph.topology import Medium
-from labweb.domain.runs.edge import Report
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.resources.models import Connection
 from labweb.runs import services

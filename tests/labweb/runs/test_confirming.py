@@ -13,9 +13,9 @@ from labweb.accounts.models import AuditEntry
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Holding, Ticket
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind, settle
-from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind, settle
 from labweb.domain.crutd.snapshot import ResourceState
+from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.resources.contents import Phase
 from labweb.resources.models import Lot, Resource
 from labweb.runs import selectors, services

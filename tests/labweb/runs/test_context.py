@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.runs.context import context_body
+from labweb.domain.runs.host_journal.surroundings import context_body
 from labweb.runs.models import Attempt, Job
 from labweb.runs.selectors import provenance
 from tests.builders import Bench, Edge, a_started_run, a_user, an_edge, to_transfer

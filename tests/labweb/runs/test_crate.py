@@ -27,7 +27,7 @@ from labweb.common import download
 from labweb.crutd.models import Event
 from labweb.crutd.services import event_hash
 from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_read import read_prov
+from labweb.domain.crutd.provenance.prov_json_read import read_prov
 from labweb.runs.api import crate as crate_api
 from labweb.runs.models import Run
 from labweb.runs.services import crate as crates

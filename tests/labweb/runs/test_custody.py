@@ -11,8 +11,8 @@ from django.http import HttpResponse
 
 from labweb.crutd.models import Event, ResourceLock, Ticket
 from labweb.domain.errors import DefinitionError, LockedError, PreconditionError, StateError
-from labweb.domain.graph.attached import LOOSE
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.attachments import LOOSE
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
 from labweb.resources.models import Connection, Resource

@@ -11,7 +11,7 @@ from redis.exceptions import ResponseError
 
 from labweb.api.errors import is_short_of_room
 from labweb.common import disk
-from labweb.domain.disk import Disk
+from labweb.domain.disk_space import DiskSpace
 from labweb.domain.errors import PreconditionError
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
@@ -23,7 +23,7 @@ GB = 10**9
 
 
 def set_server(patch: pytest.MonkeyPatch, free_gb: float) -> None:
-    found = Disk(name=disk.SERVER, free_bytes=round(free_gb * GB), total_bytes=100 * GB)
+    found = DiskSpace(name=disk.SERVER, free_bytes=round(free_gb * GB), total_bytes=100 * GB)
     patch.setattr(disk, "server_disk", lambda: found)
 
 

@@ -21,7 +21,7 @@ from psycopg import sql
 from labweb.accounts.models import User
 from labweb.crutd.models import Event, ResourceLock
 from labweb.crutd.selectors.event_chain import first_broken_event
-from labweb.domain.runs import event_file
+from labweb.domain.runs.states import event_export_file
 from labweb.resources.models import Lab, Resource
 from labweb.runs.models import HostEvent, Job
 from tests.builders import Bench, a_lab, a_started_run, an_edge, dispatched, to_transfer
@@ -163,7 +163,7 @@ def rewritten(lines: list[bytes], kind: str, change: Callable[[Any], None]) -> t
     at = [n for n, line in enumerate(plain) if line["kind"] == kind][1]
     change(plain[at]["body"])
     body = [(line["kind"], line["body"]) for line in plain[1:-1]]
-    return b"".join(event_file.write(body)), at + 1
+    return b"".join(event_export_file.write(body)), at + 1
 
 
 @pytest.mark.parametrize(
@@ -193,7 +193,9 @@ def test_a_job_that_says_other_than_its_host_follows_its_host(
     plain = [json.loads(line) for line in lines[1:-1]]
     jobs = [line["body"] for line in plain if line["body"].get("model") == "runs.job"]
     jobs[0]["fields"]["state"] = "aborted"
-    file.write_bytes(b"".join(event_file.write((line["kind"], line["body"]) for line in plain)))
+    file.write_bytes(
+        b"".join(event_export_file.write((line["kind"], line["body"]) for line in plain))
+    )
     call_command("rebuild", "--from", str(file), stdout=StringIO(), stderr=StringIO())
     assert Job.objects.get(pk=jobs[0]["pk"]).state == "complete"
 

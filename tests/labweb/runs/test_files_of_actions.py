@@ -11,8 +11,7 @@ import pytest
 from pytest_django import Settings
 
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.errors import LabError
-from labweb.domain.files import (
+from labweb.domain.action_files import (
     UNKNOWN,
     WANTED,
     FileAsked,
@@ -21,7 +20,8 @@ from labweb.domain.files import (
     FilePart,
     NamedFile,
 )
-from labweb.domain.runs.edge import Report
+from labweb.domain.errors import LabError
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.api.render import render_run

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from labweb.common.clock import now
 from labweb.crutd.api import event_rows
 from labweb.crutd.models import Event, Ticket
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Job

@@ -8,10 +8,11 @@ import pytest
 
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.errors import Effect, StateError
-from labweb.domain.messages import Cancel
-from labweb.domain.runs import acting, halting, taking
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.journal import ActionRow
+from labweb.domain.messages.commands import Cancel
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_actions import action_execution, command_acceptance
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
@@ -245,7 +246,9 @@ def test_a_cancel_voids_what_else_its_device_was_set_to(bench: Bench, host: Host
         host_id=host.edge.host_id, epoch=host.edge.epoch, dseq=row.dseq, action_id=row.action_id
     )
     with host.write() as tx:
-        taking.take_command(tx, row.signed, cancel, at=host.now(), line_of=lambda _: "line")
+        command_acceptance.take_command(
+            tx, row.signed, cancel, at=host.now(), line_of=lambda _: "line"
+        )
     host.end(row, HALTED, is_halted=True)
     host.tell()
     assert data(bench)["speed_setpoint_rpm"] is None
@@ -287,7 +290,7 @@ def test_what_is_answered_for_without_its_host_is_undone_by_a_halt_that_the_host
     host.tell()
     if is_halted:
         with host.write() as tx:
-            halting.write_halt(tx, row, halting.WITH_ACTION)
+            halted_setpoints.write_halt(tx, row, halted_setpoints.WITH_ACTION)
         host.tell()
     fencing.quarantine(bench.host, "host.gap", "its log has a gap")
     enrollment_services.readmit_host(
@@ -315,13 +318,15 @@ def test_a_doubt_about_a_device_that_answers_again_says_how_it_was_found(
 ) -> None:
     holding(host, run)
     row = next(one for one in host.disk.rows(ActionState.STARTED))
-    found = acting.Found(is_halted=False, is_owed=True, text="its device may still move: silent")
+    found = action_execution.FoundDevice(
+        is_halted=False, is_owed=True, text="its device may still move: silent"
+    )
     with host.write() as tx:
-        acting.recover(tx, row, found)
+        action_execution.recover(tx, row, found)
     host.tell()
     assert data(bench)["speed_setpoint_rpm"] == 400.0, "nothing was halted yet"
     with host.write() as tx:
-        halting.write_late_halt(
+        halted_setpoints.write_late_halt(
             tx, row.device_id, "its device was halted, and stands", {"temperature_c": 58.0}
         )
     host.tell()

@@ -10,7 +10,7 @@ import pytest
 
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.models import Entry, Event, Holding, ResourceLock, Ticket
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.enrollment import services as enrollment_services
 from labweb.resources.models import Resource

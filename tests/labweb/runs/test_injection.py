@@ -11,7 +11,7 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.operations import Create
 from labweb.domain.errors import Effect, LabError
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job

@@ -8,11 +8,11 @@ import pytest
 
 from labweb.common import clock
 from labweb.domain.errors import Effect
-from labweb.domain.messages import Cancel
-from labweb.domain.runs import acting, standing, taking
-from labweb.domain.runs.acting import Scene, Started
-from labweb.domain.runs.edge import ActionState, Report
-from labweb.domain.runs.moment import Moment
+from labweb.domain.messages.commands import Cancel
+from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
+from labweb.domain.runs.host_actions.action_execution import HostScene, Started
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
@@ -44,7 +44,7 @@ def test_a_job_that_finishes_while_the_wan_is_down_reports_after_reconnect_and_f
     host.take()
     host.tell()
     with host.write() as tx:
-        standing.write_link_lost(tx, host.now())
+        host_state.write_link_lost(tx, host.now())
     assert host.step(), "it acts with the WAN down"
     enrollment_services.watch_hosts({host.edge.host_id: 40.0})
     assert bench.host.state == "isolated"
@@ -66,7 +66,9 @@ def test_cancel_of_a_running_job_does_not_harm_the_next(bench: Bench, host: Host
     host.take()
     row = host.disk.rows(ActionState.ACCEPTED)[0]
     with host.write() as tx:
-        found = acting.start(tx, row, row.do, at=host.now(), scene=Scene(pid=1, driver_digest="d"))
+        found = action_execution.start(
+            tx, row, row.do, at=host.now(), scene=HostScene(pid=1, driver_digest="d")
+        )
     assert isinstance(found, Started)
     host.tell()
     services.abort_run(run.id, actor=bench.people["chemist"], reason="wrong flask")
@@ -74,10 +76,12 @@ def test_cancel_of_a_running_job_does_not_harm_the_next(bench: Bench, host: Host
         host_id=host.edge.host_id, epoch=host.edge.epoch, dseq=row.dseq, action_id=row.action_id
     )
     with host.write() as tx:
-        taking.take_command(tx, row.signed, cancel, at=host.now(), line_of=lambda device_id: "line")
+        command_acceptance.take_command(
+            tx, row.signed, cancel, at=host.now(), line_of=lambda device_id: "line"
+        )
     halted = Report(ok=False, effect=Effect.NONE, code="device.halted")
     with host.write() as tx:
-        acting.write_end(tx, row, halted, [])
+        action_execution.write_end(tx, row, halted, [])
     host.tell()
     host.take()
     host.halt_owed()
@@ -134,11 +138,11 @@ def test_after_a_restart_an_action_is_given_back_whatever_the_wall_clock_says(
     services.dispatch_ready()
     host.take()
     row = host.disk.rows(ActionState.ACCEPTED)[0]
-    at = Moment(boot_id="another boot", mono_s=1.0, wall_s=host.wall_s + jump_s)
+    at = HostMoment(boot_id="another boot", mono_s=1.0, wall_s=host.wall_s + jump_s)
     with host.write() as tx:
-        standing.write_armed(tx, at.boot_id, None)
+        host_state.write_armed(tx, at.boot_id, None)
     with host.write() as tx:
-        acting.start(tx, row, row.do, at=at, scene=Scene(pid=1, driver_digest="d"))
+        action_execution.start(tx, row, row.do, at=at, scene=HostScene(pid=1, driver_digest="d"))
     host.tell()
     job = Job.objects.get(run=run, index=0)
     assert (job.state, job.code) == ("held", "edge.rebooted")

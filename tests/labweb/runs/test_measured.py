@@ -24,7 +24,7 @@ from pytest_django import Settings
 
 from labweb.common.clock import now
 from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_read import read_prov
+from labweb.domain.crutd.provenance.prov_json_read import read_prov
 from labweb.resources.models import Lot
 from labweb.runs.models import Run
 from labweb.runs.selectors import provenance

@@ -8,7 +8,7 @@ from uuid import uuid4
 
 import pytest
 
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.resources.models import Connection
 from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Outbox, Run

@@ -19,8 +19,8 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, Transaction
 from labweb.crutd.selectors.history_replay import as_it_was, rebuild_differences
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.domain.crutd.refit import check_refit
+from labweb.domain.crutd.device_parts_refit import check_refit
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.errors import PreconditionError
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, DriverVersion

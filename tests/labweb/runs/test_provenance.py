@@ -28,7 +28,7 @@ from labweb.crutd.models import Event, Transaction
 from labweb.crutd.selectors import lineage
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_read import read_prov
+from labweb.domain.crutd.provenance.prov_json_read import read_prov
 from labweb.resources.models import Lot
 from labweb.runs import services
 from labweb.runs.models import Job, Run

@@ -9,10 +9,10 @@ import pytest
 from django.test import Client
 from msgspec.structs import replace
 
-from labweb.domain.workflows import compile as compiling
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows import compile_workflow as compiling
+from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.protocol import Workflow
+from labweb.domain.workflows.workflow_file import Workflow
 from labweb.runs.models import Job, Run
 from labweb.runs.services import previewing
 from tests.builders import HEAT, MOVE_WATER, Bench, a_started_run
@@ -31,7 +31,7 @@ def port_off(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the planner turn the first valve of each plan one port too far."""
     sound = compiling.compile_workflow
 
-    def compile_workflow(workflow: Workflow, lab: LabView) -> Plan:
+    def compile_workflow(workflow: Workflow, lab: PlannerView) -> Plan:
         plan = sound(workflow, lab)
         jobs = list(plan.jobs)
         first = next(job.index for job in jobs if job.action == "select_port")

@@ -12,7 +12,7 @@ from labweb.common.render import iso
 from labweb.crutd.models import Entry, Event, ResourceLock
 from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.crutd.selectors.ledger_verification import ledger_violations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched, to_transfer

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from labweb.accounts.models import AuditEntry
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.resources.models import Resource
 from labweb.runs.models import Job, Run
 from labweb.runs.services import resolve_job, start_run

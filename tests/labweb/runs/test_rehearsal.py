@@ -7,7 +7,7 @@ from django.db.models import Model
 
 from labweb.accounts.models import AuditEntry
 from labweb.crutd.models import ResourceLock, Transaction
-from labweb.domain.messages import Signed
+from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.runs import services
 from labweb.runs.api.render import render_run
 from labweb.runs.models import Attempt, Job, Outbox, Run

@@ -10,7 +10,7 @@ import pytest
 
 from labweb.accounts.models import AuditEntry
 from labweb.crutd.models import Holding, Ticket
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Attempt, HostEvent, Job, Outbox, Run

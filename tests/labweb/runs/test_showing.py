@@ -7,7 +7,7 @@ import json
 import pytest
 
 from labweb.domain.errors import ForbiddenError, StateError
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment.models import Device
 from labweb.resources.models import Lot
 from labweb.runs import services

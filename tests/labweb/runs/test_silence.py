@@ -11,8 +11,8 @@ from django.test.utils import CaptureQueriesContext
 
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.runs import halting
-from labweb.domain.runs.edge import ActionState, Report
+from labweb.domain.runs.halts import halted_setpoints
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services
 from labweb.runs.management.commands.dispatcher import Watch
@@ -122,7 +122,7 @@ def test_nothing_is_told_of_what_a_halt_has_taken_away(bench: Bench, host: Host,
     read(bench, 40.0)
     assert len(needs(bench)) == 1
     with host.write() as tx:
-        halting.write_halts(tx, halting.STOPPED)
+        halted_setpoints.write_halts(tx, halted_setpoints.STOPPED)
     host.tell()
     assert needs(bench) == []
 

@@ -6,7 +6,7 @@ import pytest
 
 from labweb.crutd.models import Holding
 from labweb.domain.errors import Effect
-from labweb.domain.runs.edge import Report
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.resources.models import Lot, Resource
 from labweb.runs import services
 from labweb.runs.models import Job, Run

@@ -22,10 +22,11 @@ from pytest_django import Settings
 from drivers.transports.urls import line_key
 from labweb.common.clock import new_id, now
 from labweb.crutd import services as crutd_services
+from labweb.domain.action_files import PART_BYTES, WANTED, FileOffer, FilePart, FileParts
 from labweb.domain.crutd.operations import Create
-from labweb.domain.files import PART_BYTES, WANTED, FileOffer, FilePart, FileParts
-from labweb.domain.messages import Command, Signed
-from labweb.domain.runs import relay
+from labweb.domain.messages.commands import Command
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.runs.dispatch import command_outbox
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
@@ -108,10 +109,12 @@ def commands(edge: Edge, server: Server) -> list[Signed]:
     found = []
     for row in Outbox.objects.filter(host_id=edge.host_id, settled_at__isnull=True):
         if row.kind == "batch":
-            draft = msgspec.convert(row.body, relay.BatchDraft)
-            command: Command = relay.signed_batch(draft, edge.epoch, server.sign, at=now())
+            draft = msgspec.convert(row.body, command_outbox.BatchDraft)
+            command: Command = command_outbox.signed_batch(draft, edge.epoch, server.sign, at=now())
         else:
-            command = relay.stamped(msgspec.convert(row.body, Command), edge.epoch, at=now())
+            command = command_outbox.stamped(
+                msgspec.convert(row.body, Command), edge.epoch, at=now()
+            )
         found.append(server.sign(command))
     return found
 

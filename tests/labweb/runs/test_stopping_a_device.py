@@ -9,7 +9,7 @@ from uuid import UUID
 import pytest
 
 from labweb.domain.errors import StateError
-from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Outbox, Run
 from tests.builders import Bench

@@ -11,7 +11,7 @@ import pytest
 from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
-from labweb.domain.calibration.order import Reference, TemperatureOrder
+from labweb.domain.calibration.calibration_order import Reference, TemperatureOrder
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import InfeasibleError, PreconditionError
 from labweb.enrollment import services as enrollment_services

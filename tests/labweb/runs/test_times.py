@@ -14,7 +14,7 @@ from labweb.crutd.models import Entry, Event
 from labweb.crutd.selectors.event_chain import first_broken_event
 from labweb.crutd.selectors.history_replay import as_it_was
 from labweb.crutd.selectors.ledger_verification import ledger_violations
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.resources.selectors import Resource
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.runs.selectors.conditions import made_s

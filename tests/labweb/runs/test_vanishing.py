@@ -8,12 +8,12 @@ import msgspec
 import pytest
 
 from labweb.crutd.models import Event, Ticket
-from labweb.domain.enrollment.kept import kept_by
+from labweb.domain.enrollment.setpoint_readback import kept_by
 from labweb.domain.errors import StateError
-from labweb.domain.messages import DeviceConfig
-from labweb.domain.runs import halting, vanishing
-from labweb.domain.runs.edge import Report
-from labweb.domain.runs.stands import Stands, read_stands
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint, read_stands
+from labweb.domain.runs.host_journal.action_states import Report
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
 from labweb.runs.selectors import lab_summary
@@ -53,7 +53,7 @@ def lose(host: Host, bench: Bench, sort: str, found: float) -> bool:
     stands = read_stands(host.disk.meta)[device.id][sort]
     kept = kept_by(stands.action, stands.args, ["temperature_setpoint_c", "speed_setpoint_rpm"])[0]
     with host.write() as tx:
-        return vanishing.write_vanished(tx, served(host, bench), stands, kept, found)
+        return vanished_setpoints.write_vanished(tx, served(host, bench), stands, kept, found)
 
 
 def served(host: Host, bench: Bench) -> DeviceConfig:
@@ -126,7 +126,7 @@ def test_a_loss_is_told_once_and_not_while_another_action_of_its_sort_acts(
     assert "motion" not in read_stands(host.disk.meta)[device_id]
     kept = kept_by("stir", stands.args, ["speed_rpm"])[0]
     with host.write() as tx:
-        assert not vanishing.write_vanished(tx, served(host, bench), stands, kept, 0.0)
+        assert not vanished_setpoints.write_vanished(tx, served(host, bench), stands, kept, 0.0)
 
 
 def test_a_halt_of_the_device_leaves_nothing_that_could_vanish(
@@ -135,7 +135,7 @@ def test_a_halt_of_the_device_leaves_nothing_that_could_vanish(
     until_the_hold(host)
     assert read_stands(host.disk.meta)
     with host.write() as tx:
-        halting.write_halts(tx, halting.STOPPED)
+        halted_setpoints.write_halts(tx, halted_setpoints.STOPPED)
     assert not read_stands(host.disk.meta)
 
 
@@ -143,10 +143,10 @@ def test_another_actions_word_changes_nothing_but_what_it_names(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until_the_hold(host)
-    stale = Stands(action_id=run.id, action="stir", args={"speed_rpm": 1.0})
+    stale = StandingSetpoint(action_id=run.id, action="stir", args={"speed_rpm": 1.0})
     kept = kept_by("stir", stale.args, ["speed_rpm"])[0]
     with host.write() as tx:
-        assert not vanishing.write_vanished(tx, served(host, bench), stale, kept, 0.0)
+        assert not vanished_setpoints.write_vanished(tx, served(host, bench), stale, kept, 0.0)
     host.tell()
     run.refresh_from_db()
     assert run.pause_reasons == []

@@ -19,9 +19,9 @@ from fixtures.instruments.sensors.photograph import drawn, exposed
 from labweb.common.clock import new_id
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Transaction
-from labweb.domain.crutd.conditions import Readings, spread
+from labweb.domain.action_files import PART_BYTES, UNKNOWN, FilePart, FileParts
 from labweb.domain.crutd.operations import Create
-from labweb.domain.files import PART_BYTES, UNKNOWN, FilePart, FileParts
+from labweb.domain.crutd.pre_and_postconditions import Readings, spread
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Attempt, Run

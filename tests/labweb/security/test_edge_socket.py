@@ -15,16 +15,12 @@ from asgiref.sync import sync_to_async
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from labweb.crutd.models import Ticket
-from labweb.domain.files import FileOffer, FilePart
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
-    Ask,
-    Events,
-    Heartbeat,
-    Hello,
-    Telemetry,
-    WithdrawAsk,
-)
+from labweb.domain.action_files import FileOffer, FilePart
+from labweb.domain.messages.action_asks import ActionAsk, WithdrawAsk
+from labweb.domain.messages.events import EventsFrame
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.session import Heartbeat, Hello
+from labweb.domain.messages.telemetry import TelemetryFrame
 from labweb.runs import services
 from labweb.runs.models import HostEvent, Run
 from labweb.telemetry.models import File, Sample
@@ -112,7 +108,7 @@ async def test_nothing_is_taken_before_the_host_has_proved_its_key(bench: Bench)
     edge = await made(bench)
     async with a_socket(PATH, origin=None) as socket:
         await nonce_of(socket)
-        await send(socket, Events(epoch=0, events=[edge.event("boot", None)]))
+        await send(socket, EventsFrame(epoch=0, events=[edge.event("boot", None)]))
         assert await socket.closed() == 4400
     assert not await HostEvent.objects.aexists()
 
@@ -123,7 +119,7 @@ async def test_a_host_that_proves_its_key_is_welcome(bench: Bench) -> None:
         welcome = await answer_to(socket, edge.hello(await nonce_of(socket)))
         assert (welcome["t"], welcome["epoch"], welcome["mode"]) == ("welcome", 1, "normal")
         assert (await socket.receive())["t"] == "resume"
-        await send(socket, Events(epoch=1, events=[edge.event("boot", None)]))
+        await send(socket, EventsFrame(epoch=1, events=[edge.event("boot", None)]))
         assert await socket.receive() == {"t": "ack", "seq": 1}
 
 
@@ -239,7 +235,7 @@ async def test_a_wish_is_told_to_its_end_and_counts_only_in_its_session(bench: B
         edge.host_id, name=people["chemist"], actor=people["admin"]
     )
     device = await sync_to_async(bench.device)("timer_1")
-    ask = Ask(
+    ask = ActionAsk(
         epoch=1, ask_id=uuid4(), device_id=device.id, action="wait", args={"duration_s": 1.0},
         source="ros2",
     )  # fmt: skip
@@ -266,7 +262,7 @@ async def test_samples_are_stored_before_the_host_hears_that_they_are(bench: Ben
             (str(uuid4()), "volume_ul", at, 5.0),
         ]
         for key in ("7-0", ""):
-            await send(socket, Telemetry(epoch=welcome["epoch"], samples=told, key=key))
+            await send(socket, TelemetryFrame(epoch=welcome["epoch"], samples=told, key=key))
         while (frame := await socket.receive())["t"] != "telemetry_taken":
             continue
         assert frame["key"] == "7-0"

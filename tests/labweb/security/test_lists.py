@@ -23,7 +23,7 @@ from labweb.accounts.models import AccessToken
 from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, EventHead, ResourceReservation
-from labweb.domain.approvals.tokens import AccessScope
+from labweb.domain.approvals.access_tokens import AccessScope
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost, JoinToken
 from labweb.resources.models import Connection, Resource

@@ -20,8 +20,8 @@ from pytest_django import Settings
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import RunHold
-from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Read, TransferLiquid, to_json
+from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services as run_services
 from labweb.runs.models import Attempt, Calibration

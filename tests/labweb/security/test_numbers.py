@@ -15,7 +15,7 @@ from msgspec import inspect
 from pytest_django import Settings
 
 from labweb.domain.dimensions import DIMENSIONS
-from labweb.domain.workflows.steps import STEP_KINDS
+from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 from tests.builders import Bench
 from tests.labweb.security.test_lists import VIEWS
 from tests.labweb.security.test_matrix import API, Form, prepare

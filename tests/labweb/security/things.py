@@ -15,10 +15,10 @@ from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import ResourceReservation
-from labweb.domain.approvals.tokens import AccessScope
-from labweb.domain.enrollment.join import Ask, code_of, parse_token
-from labweb.domain.messages import SimulatedModel, TryoutOffer, TryoutTold
-from labweb.domain.runs.session import SessionState
+from labweb.domain.approvals.access_tokens import AccessScope
+from labweb.domain.enrollment.host_join import JoinAsk, code_of, parse_token
+from labweb.domain.messages.driver_tryouts import SimulatedModel, TryoutOffer, TryoutTold
+from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import DriverVersion, EdgeHost, JoinRequest
 from labweb.resources.models import Lot, Resource
@@ -95,7 +95,7 @@ def a_machine_that_asks(bench: Bench) -> tuple[JoinRequest, str]:
     made = enrollment_services.make_token(bench.lab, actor=bench.people["admin"])
     read = parse_token(made.text)
     csr = signing_request(key)
-    ask = Ask(token_id=read.token_id, secret=read.secret, csr=csr, name="Bench 8")
+    ask = JoinAsk(token_id=read.token_id, secret=read.secret, csr=csr, name="Bench 8")
     return enrollment_services.take_request(ask), code_of(read.ca_hash, key.public_raw)
 
 

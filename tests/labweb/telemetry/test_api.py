@@ -12,8 +12,8 @@ import pytest
 from django.test import Client
 from pytest_django import DjangoAssertNumQueries
 
-from labweb.domain.messages import TelemetryGap
-from labweb.domain.telemetry import LEVELS_S
+from labweb.domain.messages.telemetry import TelemetryGap
+from labweb.domain.telemetry_resolution import LEVELS_S
 from labweb.telemetry import services
 from labweb.telemetry.services import roll_ups, telemetry_export
 from tests.builders import Bench

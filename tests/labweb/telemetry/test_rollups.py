@@ -12,8 +12,8 @@ from uuid import UUID, uuid4
 import pytest
 from pytest_django import Settings
 
-from labweb.domain.messages import TelemetryGap
-from labweb.domain.telemetry import LEVELS_S, MOST_POINTS
+from labweb.domain.messages.telemetry import TelemetryGap
+from labweb.domain.telemetry_resolution import LEVELS_S, MOST_POINTS
 from labweb.telemetry import selectors, services
 from labweb.telemetry.models import Gap, Mark, Rollup, Sample
 from labweb.telemetry.services import roll_ups

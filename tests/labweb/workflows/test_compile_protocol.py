@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from django.core.management import CommandError, call_command
 
-from labweb.domain.recipes.recipe_plan import compile_recipe
+from labweb.domain.recipes.recipe_to_plan import compile_recipe
 from tests.domain.recipes.plans import bench, recipe
 from tests.domain.recipes.test_wastes import clean, stirred, two_wastes
 from tests.domain.recipes.test_wastes import text as recipe_of_wastes
@@ -181,7 +181,7 @@ def test_a_plan_of_which_one_action_is_wrong_is_not_shown(
     files = (str(tmp_path / "recipe.xdl"), "--lab", str(tmp_path / "graph.json"))
     call_command("compile_protocol", *files, "--json")
     assert json.loads(capsys.readouterr().out)["ok"]
-    monkeypatch.setattr("labweb.domain.recipes.recipe_on_rig.compile_recipe", altered)
+    monkeypatch.setattr("labweb.domain.recipes.compile_recipe_file.compile_recipe", altered)
     with pytest.raises(CommandError, match=r"plan\.not_proved") as caught:
         call_command("compile_protocol", *files, "--json")
     assert caught.value.returncode == 2

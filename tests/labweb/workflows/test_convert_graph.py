@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from django.core.management import CommandError, call_command
 
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.recipes.graph_formats.convert import Target
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.recipes.graph_formats.convert_graph import Target
 from tests.architecture.project import ROOT
 from tests.domain.recipes.test_opening import ROW, STARTER
 

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from django.core.management import CommandError, call_command
 
-from labweb.domain.workflows.protocol import parse_workflow
+from labweb.domain.workflows.workflow_file import parse_workflow
 from tests.architecture.project import ROOT
 
 RECIPE = """<?xdl version="0.4.0" ?>

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from labweb.domain.workflows.drafts import check_draft
-from labweb.domain.workflows.steps import palette
+from labweb.domain.workflows.unit_operations.step_palette import palette
+from labweb.domain.workflows.workflow_draft import check_draft
 from tests.domain.workflows.documents import JSON, bent, documents, places, templates
 
 FRONTEND = Path(__file__).parents[3] / "frontend"

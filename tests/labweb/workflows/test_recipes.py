@@ -15,7 +15,7 @@ from django.test import Client
 from labweb.accounts.models import User
 from labweb.common.recipes import __main__ as process
 from labweb.domain.errors import LockedError
-from labweb.domain.recipes.opening import Asked
+from labweb.domain.recipes.recipe_preview import PreviewAsked
 from labweb.workflows.models import Workflow, WorkflowVersion
 from labweb.workflows.services import recipes
 from tests.builders import Bench
@@ -181,7 +181,7 @@ def test_no_transaction_is_open_while_a_recipe_is_read_to_be_kept(
     depths: list[int] = []
     run = recipes._run
 
-    def watched(act: str, asked: Asked, actor: User) -> dict[str, Any]:
+    def watched(act: str, asked: PreviewAsked, actor: User) -> dict[str, Any]:
         depths.append(len(connection.savepoint_ids))
         return run(act, asked, actor)
 

@@ -14,8 +14,9 @@ from websockets.asyncio.client import ClientConnection
 
 from drivers.catalog.bundle import gather
 from drivers.catalog.source import path_of, read_source
-from labweb.domain.enrollment.bundle import digest_of, encode_bundle
-from labweb.domain.messages import DriverApproval, LookOrder, LookPart, LookTold
+from labweb.domain.enrollment.driver_bundle import digest_of, encode_bundle
+from labweb.domain.messages.device_looks import LookOrder, LookPart, LookTold
+from labweb.domain.messages.devices_and_drivers import DriverApproval
 from tests.workers.bench import HOST_ID, MODULE, Host, PumpProcess, Server, a_device
 from tests.workers.sandbox.test_confinement import confining
 from workers.enrollment import device_look

@@ -15,7 +15,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from drivers.transports.scan import serial_ports
-from labweb.domain.enrollment.sighting import Beacon, beacon_bytes, sighting_of
+from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes, sighting_of
 from labweb.domain.errors import DefinitionError
 from workers.base.config import BeaconConfig, DiscoveryConfig, load_config
 from workers.base.signatures import HostKey

@@ -13,9 +13,9 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from sila2.server.encryption import generate_self_signed_certificate
 from websockets.asyncio.server import ServerConnection, serve
 
-from labweb.domain.enrollment.join import Token, parse_token, render_token
+from labweb.domain.enrollment.host_join import Token, parse_token, render_token
 from labweb.domain.errors import EnrollmentError
-from labweb.domain.messages import Refuse
+from labweb.domain.messages.session import Refuse
 from workers.base.signatures import HostKey, create_key
 from workers.enrollment import join
 from workers.enrollment.host_identity import check_certificate, next_key, signing_request

@@ -12,8 +12,8 @@ import msgspec
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from labweb.domain.enrollment.sighting import Beacon, beacon_bytes, sighting_of
-from labweb.domain.messages import Sighting
+from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes, sighting_of
+from labweb.domain.messages.certificates_and_sightings import Sighting
 from tests.workers.bench import HOST_ID, Host
 from workers.base.config import BeaconConfig, DiscoveryConfig, HostConfig, ValkeyConfig
 from workers.base.signatures import HostKey

@@ -15,8 +15,8 @@ import pytest
 
 from drivers.load import read_spec
 from labweb.domain.crutd.operations import Read, to_json
-from labweb.domain.enrollment.bundle import digest_of, encode_bundle
-from labweb.domain.messages import DeviceConfig, Devices, WantDriver
+from labweb.domain.enrollment.driver_bundle import digest_of, encode_bundle
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, DevicesFrame, WantDriver
 from tests.workers.bench import SPACE, Server, a_device, a_do, until
 from tests.workers.host.test_host import Running
 from tests.workers.hub import Hub
@@ -64,7 +64,7 @@ class Lab:
     def tell(self, staged: list[DeviceConfig]) -> None:
         self.hub.devices = list(self.devices.values())
         epoch = self.hub.server.epoch
-        self.hub.send(Devices(epoch=epoch, devices=self.hub.devices, staged=staged))
+        self.hub.send(DevicesFrame(epoch=epoch, devices=self.hub.devices, staged=staged))
 
     def send_job(self, device: DeviceConfig) -> None:
         do = a_do(

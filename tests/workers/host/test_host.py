@@ -16,7 +16,8 @@ import msgspec
 import pytest
 from celery import Celery
 
-from labweb.domain.messages import Command, Reset, StopLab
+from labweb.domain.messages.commands import Command, Reset
+from labweb.domain.messages.stops import StopLabFrame
 from tests.workers.bench import (
     DEVICE_ID,
     HOST_ID,
@@ -164,7 +165,7 @@ def test_stop_halts_a_running_action_at_once_and_only_a_reset_frees_the_lab(
     running.post(do)
     until(lambda: "started" in hub.kinds and pump.moves)
     time.sleep(0.5)  # so that something has moved
-    stop = StopLab(stop_id=uuid4(), issued_by="ada")
+    stop = StopLabFrame(stop_id=uuid4(), issued_by="ada")
     began_s = time.monotonic()
     hub.stop(stop)
     until(lambda: hub.acknowledged_stops)

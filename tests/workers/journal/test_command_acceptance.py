@@ -8,8 +8,10 @@ from uuid import UUID, uuid4
 import msgspec
 import pytest
 
-from labweb.domain.messages import Cancel, Command, Reset, Resolve, Signed, StopLab
-from labweb.domain.runs.edge import ActionState
+from labweb.domain.messages.commands import Cancel, Command, Reset, Resolve
+from labweb.domain.messages.devices_and_drivers import Signed
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.host_journal.action_states import ActionState
 from tests.workers.bench import (
     BOTTLE_ID,
     HOST_ID,
@@ -214,8 +216,8 @@ def test_an_answer_that_contradicts_the_record_is_refused(host: Host) -> None:
 
 def test_only_a_reset_opens_the_stop_latch(host: Host) -> None:
     first, last = uuid4(), uuid4()
-    latch_stop(host.journal, StopLab(stop_id=first, issued_by="ada"))
-    latch_stop(host.journal, StopLab(stop_id=last, issued_by="bob"))
+    latch_stop(host.journal, StopLabFrame(stop_id=first, issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=last, issued_by="bob"))
     open_session(host.journal, host.server.welcome(host.device))
     assert host.journal.host_state().stop_latched
     host.take(_reset(host.server, first))

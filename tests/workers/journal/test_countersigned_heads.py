@@ -10,14 +10,9 @@ import msgspec
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from labweb.domain.messages import (
-    ChainHead,
-    Countersigned,
-    Heads,
-    Signed,
-    canonical,
-    countersigned_bytes,
-)
+from labweb.domain.canonical_json import canonical
+from labweb.domain.messages.chain_heads import ChainHead, Countersigned, Heads, countersigned_bytes
+from labweb.domain.messages.devices_and_drivers import Signed
 from tests.workers.bench import Host
 from workers.base.signatures import HostKey, create_key, is_signature
 from workers.journal import countersigned_heads

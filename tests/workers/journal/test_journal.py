@@ -12,9 +12,9 @@ from uuid import uuid4
 
 import pytest
 
-from labweb.domain.messages import event_hash
-from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.messages.events import event_hash
+from labweb.domain.runs.host_journal.action_states import ActionState
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, a_do
 from workers.base.signatures import create_key
 from workers.journal import journal_file, journal_schema

@@ -9,8 +9,8 @@ from uuid import uuid4
 import msgspec
 import pytest
 
-from labweb.domain.runs import standing
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_actions import host_state
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import Host, a_do
 from workers.base.signatures import create_key
 from workers.journal.journal import Journal
@@ -93,7 +93,7 @@ def test_an_answer_leaves_the_seal_to_whoever_tells_it(host: Host) -> None:
 
 def test_the_seal_holds_an_absence_that_a_dead_process_wrote_down(host: Host) -> None:
     with host.journal.write(is_sealed=False) as tx:
-        standing.write_link_lost(tx, host.journal.moment())
+        host_state.write_link_lost(tx, host.journal.moment())
     seal = host.journal.seal()
     assert seal is not None
     assert seal.seq < host.journal.head()[0]

@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from drivers.transports.urls import line_key
-from labweb.domain.messages import DeviceConfig, Signed
+from labweb.domain.messages.devices_and_drivers import DeviceConfig, Signed
 from tests.workers.bench import installed
 from workers.base import faults
 from workers.base.system_clock import HostClock

@@ -12,7 +12,7 @@ from uuid import uuid4
 
 import msgspec
 
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from tests.workers.bench import installed
 from tests.workers.sandbox.confined_probe import works
 from workers.base.config import load_config

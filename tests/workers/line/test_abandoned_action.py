@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.runs import acting
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_actions import action_execution
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import Host, PumpProcess, a_do
 from workers.base import faults
 from workers.journal.journal import Journal
@@ -66,7 +66,7 @@ def test_an_outcome_that_never_reaches_the_disk_ends_the_process(
         raise JournalError("the disk is full")
 
     with host.executor() as line:
-        monkeypatch.setattr(acting, "write_end", refuse)
+        monkeypatch.setattr(action_execution, "write_end", refuse)
         with pytest.raises(AbandonedActionError):
             line.drain()
     assert pump.moves == ["A300"]

@@ -21,10 +21,11 @@ import pytest
 from drivers.base import DataFile, Report
 from drivers.load import read_spec
 from drivers.transports.urls import line_key
-from labweb.domain import files as handed
+from labweb.domain import action_files as handed
 from labweb.domain.crutd.operations import Read, Update, to_json
 from labweb.domain.errors import StateError
-from labweb.domain.messages import DeviceConfig, Do, ResourceView
+from labweb.domain.messages.commands import Do, ResourceView
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from tests.drivers.conformance.placed_models import a_free_port
 from tests.fixtures.hand_bench import a_document, a_vessel
 from tests.fixtures.running import Process

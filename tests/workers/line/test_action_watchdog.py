@@ -9,7 +9,7 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import DEVICE_ID, Host, PumpProcess, a_do, until
 from workers.base.signatures import is_signed
 from workers.journal.journal import Journal

@@ -9,7 +9,7 @@ from multiprocessing.context import ForkServerContext
 import msgspec
 import pytest
 
-from labweb.domain.messages import Do
+from labweb.domain.messages.commands import Do
 from tests.workers.bench import BOOT_ID, BOTTLE_ID, SYRINGE_ID, Host, PumpProcess, a_do, by_position
 from tests.workers.line.crashing import accept_and_drain
 

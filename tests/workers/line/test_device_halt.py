@@ -14,8 +14,9 @@ import pytest
 
 from drivers.load import call_action, read_spec
 from labweb.domain.errors import DeviceError
-from labweb.domain.messages import Cancel, Do, Resolve, StopLab
-from labweb.domain.runs.halting import owe_halt
+from labweb.domain.messages.commands import Cancel, Do, Resolve
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.halts.halted_setpoints import owe_halt
 from tests.drivers.conformance.cases import HEATER_STIRRERS
 from tests.drivers.conformance.placed_models import Bench, Case, running
 from tests.workers.bench import (
@@ -215,7 +216,7 @@ def test_a_halt_that_a_device_refuses_stays_owed(
 def test_a_stop_that_was_reset_before_its_line_came_back_is_carried_out_before_anything_acts(
     host: Host, pump: PumpProcess
 ) -> None:
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     with host.journal.write() as tx:
         tx.set_meta("stop_id", None)
     woken: list[str] = []
@@ -242,7 +243,7 @@ def test_what_acts_is_stopped_by_a_stop_that_was_reset_before_its_line_looked(
     def stop_and_reset() -> None:
         until(lambda: pump.moves)
         with closing(Journal(host.path)) as journal:
-            latch_stop(journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+            latch_stop(journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
             with journal.write() as tx:
                 tx.set_meta("stop_id", None)
 

@@ -12,9 +12,14 @@ import pytest
 from drivers.catalog.bundle import gather
 from drivers.catalog.source import path_of, read_source
 from drivers.transports.virtual import VirtualTransport
-from labweb.domain.enrollment.bundle import digest_of, encode_bundle
+from labweb.domain.enrollment.driver_bundle import digest_of, encode_bundle
 from labweb.domain.errors import ConformanceError
-from labweb.domain.messages import Devices, DriverApproval, DriverPart, Signed
+from labweb.domain.messages.devices_and_drivers import (
+    DevicesFrame,
+    DriverApproval,
+    DriverPart,
+    Signed,
+)
 from tests.workers.bench import Host, Server, a_device
 from workers.line.driver_reports import ServingReport, tell_once
 from workers.line.driver_store import DriverLoader, DriverStore
@@ -146,7 +151,7 @@ def staged(host: Host, tmp_path: Path) -> tuple[Host, DriverDownload, DriverStor
     device = a_device(
         "virtual:t", module=TIMER, class_name="HostTimer", digest=digest, config={}, statuses={}
     )
-    take_devices(host.journal, Devices(epoch=1, devices=[host.device], staged=[device]))
+    take_devices(host.journal, DevicesFrame(epoch=1, devices=[host.device], staged=[device]))
     store = DriverStore(tmp_path / "drivers")
     return host, DriverDownload(host.journal, store), store, digest
 

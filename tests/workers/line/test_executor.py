@@ -12,10 +12,11 @@ import pytest
 
 from drivers.base import Driver, Report
 from drivers.load import call_action
-from labweb.domain.crutd.conditions import Condition
-from labweb.domain.messages import Cancel, Resolve, StopLab
-from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.crutd.pre_and_postconditions import Condition
+from labweb.domain.messages.commands import Cancel, Resolve
+from labweb.domain.messages.stops import StopLabFrame
+from labweb.domain.runs.host_journal.action_states import ActionState
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import (
     BOTTLE_ID,
     DEVICE_ID,
@@ -226,7 +227,7 @@ def test_reading_statuses_moves_nothing_and_keeps_the_readings(
 def test_nothing_starts_while_the_host_is_not_armed_or_stopped(
     host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     assert host.state(run(host)) == "accepted"
     with host.journal.write() as tx:
         tx.set_meta("stop_id", None)
@@ -239,7 +240,7 @@ def test_nothing_starts_while_the_host_is_not_armed_or_stopped(
 def test_a_line_that_is_held_does_not_read_its_queue(host: Host, pump: PumpProcess) -> None:
     """It is woken each second, and the queue may be long."""
     host.take(a_do(host.server))
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     asked: list[str] = []
     with host.executor() as executor:
         host.journal._connection.set_trace_callback(asked.append)

@@ -8,10 +8,10 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.crutd.conditions import Condition
-from labweb.domain.messages import Cancel
-from labweb.domain.runs import acting
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.crutd.pre_and_postconditions import Condition
+from labweb.domain.messages.commands import Cancel
+from labweb.domain.runs.host_actions import action_execution
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_do, plain
 from workers.base import faults
 from workers.line import outcome_record
@@ -80,7 +80,7 @@ def test_a_disk_that_refuses_both_takes_the_end_alone(
 ) -> None:
     monkeypatch.setattr(outcome_record, "LAST_WRITE_PAUSE_S", 0.001)
     first, second = two(host)
-    real = acting.start
+    real = action_execution.start
     refused: list[Any] = []
 
     def start(tx: Any, row: Any, *known: Any, **more: Any) -> Any:  # noqa: ANN401 - as it is
@@ -89,7 +89,7 @@ def test_a_disk_that_refuses_both_takes_the_end_alone(
             raise JournalError("the disk is full")
         return real(tx, row, *known, **more)
 
-    monkeypatch.setattr(acting, "start", start)
+    monkeypatch.setattr(action_execution, "start", start)
     with host.executor() as executor:
         assert executor.drain() == 2
     assert refused

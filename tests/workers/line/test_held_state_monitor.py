@@ -9,11 +9,12 @@ import msgspec
 import pytest
 
 from drivers.load import read_spec
-from labweb.domain.enrollment.kept import setting_actions
-from labweb.domain.messages import DeviceConfig, ResourceView
-from labweb.domain.runs.halting import RUN_ABORTED, owe_halt
-from labweb.domain.runs.journal import HeldResource
-from labweb.domain.runs.stands import Stands, put_stands, read_stands
+from labweb.domain.enrollment.setpoint_readback import setting_actions
+from labweb.domain.messages.commands import ResourceView
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.runs.halts.halted_setpoints import RUN_ABORTED, owe_halt
+from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint, put_stands, read_stands
+from labweb.domain.runs.host_journal.journal_rows import HeldResource
 from tests.drivers.conformance.cases import HEATER_STIRRERS
 from tests.drivers.conformance.placed_models import SPEED, Bench, Case, running
 from tests.workers.bench import DEVICE_ID, Host, a_device, installed
@@ -66,7 +67,7 @@ class Watching:
     def complete(self, action: str, args: dict[str, float]) -> None:
         """Carry an action out, and write down that it completed."""
         self.unit.act(action, dict(args))
-        stands = Stands(action_id=uuid4(), action=action, args=dict(args))
+        stands = StandingSetpoint(action_id=uuid4(), action=action, args=dict(args))
         with self.host.journal.write() as tx:
             put_stands(tx, self.device.id, "heat" if "heat" in action else "motion", stands)
 

@@ -13,7 +13,7 @@ from drivers.load import call_action
 from drivers.transports.virtual import VirtualTransport
 from drivers.virtual.timer import HostTimer
 from drivers.waiting import WantedReading, await_true, watch_reading
-from labweb.domain.enrollment.guards import watchdog_s
+from labweb.domain.enrollment.action_guards import watchdog_s
 from labweb.domain.errors import DefinitionError, DeviceError
 from workers.base.config import load_config
 

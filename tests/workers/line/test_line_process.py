@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 from uuid import uuid4
 
-from labweb.domain.messages import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from tests.workers.bench import HOST_ID, Host, PumpProcess, a_do, until
 from workers.base.config import HostConfig, ValkeyConfig
 from workers.line.line_process import LineProcess, StopWatch
@@ -96,7 +96,7 @@ def test_the_stop_latch_is_looked_at_again_once_a_file_can_be_opened(
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
     until(lambda: not unit.driver.is_stopped)
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     until(lambda: unit.driver.is_stopped)
     watch.stop()
     line.release()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import Host, PumpProcess, a_do
 from workers.base.disk_space import disk_space_of, is_short
 from workers.journal.journal import Journal

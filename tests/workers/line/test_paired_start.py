@@ -12,11 +12,12 @@ import msgspec
 import pytest
 
 from drivers.transports.urls import line_key
-from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import TransferLiquid, Update, to_json
+from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.errors import Effect
-from labweb.domain.messages import Batch, BatchPart, Cancel, DeviceConfig, Do
-from labweb.domain.runs.edge import ActionState, Report
+from labweb.domain.messages.commands import BatchPart, Cancel, Do, HostBatch
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
+from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from tests.workers.bench import (
     BOOT_ID,
     DEVICE_ID,
@@ -95,7 +96,7 @@ class Lines:
     def take(self, **changes: object) -> str:
         server = self.host.server
         members = [server.sign(one) for one in (self.giver, self.receiver)]
-        batch = Batch(
+        batch = HostBatch(
             host_id=HOST_ID,
             epoch=server.epoch,
             dseq=self.giver.dseq,

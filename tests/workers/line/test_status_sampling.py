@@ -11,9 +11,9 @@ import msgspec
 import pytest
 
 from drivers.load import read_spec
-from labweb.domain.crutd.conditions import Condition, Verdict
+from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionVerdict
 from labweb.domain.errors import EnrollmentError, StateError
-from labweb.domain.messages import StopLab
+from labweb.domain.messages.stops import StopLabFrame
 from tests.drivers.wire import answering
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, installed, until
 from workers.base.config import HostConfig, ValkeyConfig
@@ -73,7 +73,7 @@ def test_another_line_sees_at_once_how_an_act_has_left_a_device(
     batches = store.last_key()
     judged = ConditionReader(units, store, clock).await_all([at_port], {}, is_over=lambda: False)
     assert judged is not None
-    assert [result.verdict for _, result in judged] == [Verdict.PASS]
+    assert [result.verdict for _, result in judged] == [ConditionVerdict.PASS]
     assert elsewhere.read([at_port]) == {(DEVICE_ID, "port_index"): 3}
     assert store.last_key() == batches  # the uplink is told by samples alone
     units[DEVICE_ID].close()
@@ -137,7 +137,7 @@ def test_the_latch_stops_every_device_and_its_release_frees_them(
     unit.connect_if_due()
     watch = a_watch(host, valkey_socket, units)
     watch.start()
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     until(lambda: unit.driver.is_stopped)
     with host.journal.write() as tx:
         tx.set_meta("stop_id", None)
@@ -159,7 +159,7 @@ def test_a_device_that_a_stop_has_not_reached_is_halted_after_the_reset_before_i
     unit = units[DEVICE_ID]
     watch = a_watch(host, valkey_socket, units)
     watch.start()
-    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
     until(lambda: unit.owes_halt)
     with host.journal.write() as tx:
         tx.set_meta("stop_id", None)

@@ -24,9 +24,10 @@ import pytest
 from drivers.load import read_spec
 from drivers.sensors import network_camera
 from drivers.transports.urls import line_key
-from labweb.domain.crutd.conditions import Condition, sees_tag, sees_vessel
 from labweb.domain.crutd.operations import Read, TransferResource, to_json
-from labweb.domain.messages import DeviceConfig, Do, ResourceView
+from labweb.domain.crutd.pre_and_postconditions import Condition, sees_tag, sees_vessel
+from labweb.domain.messages.commands import Do, ResourceView
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from tests.fixtures.hand_bench import a_document, a_vessel
 from tests.fixtures.running import Process
 from tests.workers.bench import HOST_ID, Server, installed, plain

@@ -9,7 +9,8 @@ from uuid import UUID, uuid4
 
 import pytest
 
-from labweb.domain.messages import Cancel, StopLab
+from labweb.domain.messages.commands import Cancel
+from labweb.domain.messages.stops import StopLabFrame
 from tests.workers.bench import HOST_ID, Host, a_do, until
 from tests.workers.line.test_executor import READ, a_condition
 from workers.uplink.session import latch_stop
@@ -38,7 +39,7 @@ def test_what_only_waits_for_a_reading_ends_with_a_cancel_or_a_stop(host: Host, 
         if ends == "cancel":
             host.take(a_cancel(host, do.action_id))
         else:
-            latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+            latch_stop(host.journal, StopLabFrame(stop_id=uuid4(), issued_by="ada"))
         line.join(timeout=10)
         assert not line.is_alive()
     assert host.state(do.action_id) == "aborted"

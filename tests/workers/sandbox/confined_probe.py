@@ -17,7 +17,7 @@ from pathlib import Path
 
 import msgspec
 
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from workers.base.config import load_config
 from workers.base.wake_pipe import WakePipe, hang, ring
 from workers.journal.journal import Journal

@@ -19,9 +19,9 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from cryptography.x509.oid import NameOID
 
 from drivers.transports.urls import line_key
-from labweb.domain.enrollment.bundle import digest_of, encode_bundle
+from labweb.domain.enrollment.driver_bundle import digest_of, encode_bundle
 from labweb.domain.errors import StateError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from tests.workers.bench import HOST_ID, ROOT, Host, PumpProcess, a_device, environment
 from tests.workers.line.test_driver_store import approval, version
 from tests.workers.sandbox.confined_probe import OTHER_LINE

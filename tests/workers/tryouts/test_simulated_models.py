@@ -16,8 +16,8 @@ from drivers.catalog.scan import scan
 from drivers.load import load_driver
 from drivers.transports.urls import make_transport
 from fixtures.instruments.single import bench_of, offers
-from labweb.domain.enrollment.tryout import fitting
-from labweb.domain.messages import SimulatedModel
+from labweb.domain.enrollment.driver_tryout import fitting
+from labweb.domain.messages.driver_tryouts import SimulatedModel
 from tests.drivers.conformance.cases import EVERY
 from tests.drivers.conformance.instruments import CASES
 from tests.fixtures.running import Process

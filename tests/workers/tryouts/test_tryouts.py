@@ -21,8 +21,8 @@ import pytest
 from drivers.catalog.bundle import gather
 from drivers.catalog.source import path_of, read_source
 from drivers.load import read_spec
-from labweb.domain.enrollment.bundle import digest_of, encode_bundle
-from labweb.domain.messages import TryoutAsk, TryoutOrder, TryoutPart, TryoutTold
+from labweb.domain.enrollment.driver_bundle import digest_of, encode_bundle
+from labweb.domain.messages.driver_tryouts import TryoutAsk, TryoutOrder, TryoutPart, TryoutTold
 from tests.workers.bench import HOST_ID, ROOT, Host, Server, until
 from tests.workers.sandbox.test_confinement import a_config, confining
 from tests.workers.tryouts.test_simulated_models import CHOSEN

@@ -14,7 +14,7 @@ from uuid import uuid4
 import pytest
 from websockets.asyncio.client import ClientConnection
 
-from labweb.domain import files as handed
+from labweb.domain import action_files as handed
 from workers.line.action_files import ActionFiles, WaitingFiles
 from workers.uplink import file_delivery
 from workers.uplink.file_delivery import FileDelivery

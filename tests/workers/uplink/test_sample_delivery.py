@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labweb.domain.messages import MAX_FRAME_BYTES
+from labweb.domain.messages.frames import MAX_FRAME_BYTES
 from labweb.domain.messages.telemetry import MAX_SAMPLES_PER_FRAME
 from workers.base.valkey_store import (
     LONGEST_STREAM_COUNT,

@@ -11,8 +11,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from labweb.domain.messages import EdgeEvent, Pulse, Welcome, event_hash
-from labweb.domain.runs.clocks import Anchor
+from labweb.domain.messages.events import EdgeEvent, event_hash
+from labweb.domain.messages.session import Pulse, Welcome
+from labweb.domain.runs.host_link.host_clocks import ClockAnchor
 from tests.workers.bench import Host, a_do
 from tests.workers.hub import Hub
 from tests.workers.uplink.test_uplink import connected, until
@@ -65,7 +66,7 @@ async def test_what_a_host_tells_is_dated_by_the_server_a_day_ahead(
         assert event.uncertainty_s < 1.0
         assert off_s(event, hub) <= event.uncertainty_s + 0.005
         assert event.boot_id == host.journal.boot_id
-    told = msgspec.json.decode(store.anchor() or b"", type=Anchor)
+    told = msgspec.json.decode(store.anchor() or b"", type=ClockAnchor)
     assert abs(told.server_at_s - told.wall_s - DAY_S) < 1.0
     [again] = ServerClock(host.journal, store).dated([hub.events[1]])
     assert again.uncertainty_s is not None
@@ -81,7 +82,7 @@ async def test_signs_of_life_measure_again(
         await until(lambda: len(hub.heartbeats) >= 3)
         await asyncio.sleep(0.1)
         first = read_anchors(host.journal)[0]
-        latest = msgspec.json.decode(store.anchor() or b"", type=Anchor)
+        latest = msgspec.json.decode(store.anchor() or b"", type=ClockAnchor)
     assert len(hub.hellos) == 1
     assert latest.mono_s > first.mono_s
     assert latest.error_s < first.error_s

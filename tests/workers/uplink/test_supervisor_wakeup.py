@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from pathlib import Path
 
-from labweb.domain.messages import Devices, DriverPart
+from labweb.domain.messages.devices_and_drivers import DevicesFrame, DriverPart
 from tests.workers.bench import Host
 from tests.workers.hub import Hub
 from tests.workers.uplink.test_uplink import connected, until
@@ -26,7 +26,9 @@ async def test_other_devices_and_the_source_of_a_driver_wake_the_supervisor(
         async with connected(host, hub, key, store):
             await until(lambda: hub.frames)
             assert not bell.wait(0.0)
-            hub.send(Devices(epoch=hub.server.epoch, devices=[host.device], staged=[host.device]))
+            hub.send(
+                DevicesFrame(epoch=hub.server.epoch, devices=[host.device], staged=[host.device])
+            )
             assert await asyncio.to_thread(bell.wait, WITHIN_S)
             assert host.journal.staged() == [host.device]
             hub.send(DriverPart(digest=host.device.digest, problem="it is not approved"))

@@ -13,17 +13,13 @@ from uuid import uuid4
 import msgspec
 import pytest
 
+from labweb.domain.action_files import UNKNOWN, FileAsked, FileGone, FilePart
 from labweb.domain.errors import StateError
-from labweb.domain.files import UNKNOWN, FileAsked, FileGone, FilePart
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
-    Ask,
-    AskTold,
-    Events,
-    Heartbeat,
-    StopLab,
-    WithdrawAsk,
-)
+from labweb.domain.messages.action_asks import ActionAsk, AskTold, WithdrawAsk
+from labweb.domain.messages.events import EventsFrame
+from labweb.domain.messages.protocol_version import PROTOCOL_VERSION
+from labweb.domain.messages.session import Heartbeat
+from labweb.domain.messages.stops import StopLabFrame
 from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
 from workers.base.config import HostConfig, ValkeyConfig
@@ -121,7 +117,7 @@ async def test_a_long_backlog_goes_up_in_bounded_frames(
             tx.append("boot", None, {"number": number})
     async with connected(host, hub, key, store):
         await until(lambda: hub.acked == 1202)
-    sizes = [len(frame.events) for frame in hub.frames if isinstance(frame, Events)]
+    sizes = [len(frame.events) for frame in hub.frames if isinstance(frame, EventsFrame)]
     assert max(sizes) <= 500
     assert sum(sizes) == 1202
 
@@ -215,7 +211,7 @@ async def test_the_stop_latch_is_on_disk_when_the_stop_is_acknowledged(
 ) -> None:
     async with connected(host, hub, key, store):
         await until(lambda: hub.heartbeats)
-        hub.stop(StopLab(stop_id=uuid4(), issued_by="ada"))
+        hub.stop(StopLabFrame(stop_id=uuid4(), issued_by="ada"))
         await until(lambda: hub.acknowledged_stops)
         assert host.journal.host_state().stop_latched
         assert hub.acknowledged_stops[0].lines == []  # no executor listens in this test
@@ -376,7 +372,7 @@ async def test_wishes_go_up_unless_they_are_old_and_words_about_them_come_down(
     fields = {"device_id": uuid4(), "action": "wait", "args": {}, "source": "ros2"}
 
     def put(ask_id: object, age_s: float) -> None:
-        ask = Ask(epoch=0, ask_id=ask_id, **fields)  # type: ignore[arg-type]
+        ask = ActionAsk(epoch=0, ask_id=ask_id, **fields)  # type: ignore[arg-type]
         store.put_word(ASKS, msgspec.json.encode(BridgeWish(time.monotonic() - age_s, ask)))
 
     async with connected(host, hub, key, store):
@@ -395,6 +391,6 @@ async def test_wishes_go_up_unless_they_are_old_and_words_about_them_come_down(
             return words
 
         await until(take)
-    asks = [one for one in hub.frames if isinstance(one, Ask)]
+    asks = [one for one in hub.frames if isinstance(one, ActionAsk)]
     assert [(one.ask_id, one.epoch) for one in asks] == [(new, hub.server.epoch)]
     assert msgspec.json.decode(words[0], type=AskTold) == told

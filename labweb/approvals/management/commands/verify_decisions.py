@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from labweb.accounts.management.chain_command import VerifyCommand
 from labweb.approvals.selectors import first_broken_decision
 from labweb.domain.errors import Finding
-from labweb.domain.messages import Countersigned
+from labweb.domain.messages.chain_heads import Countersigned
 
 
 class Command(VerifyCommand):

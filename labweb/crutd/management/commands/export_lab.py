@@ -11,9 +11,9 @@ from django.core.management.base import BaseCommand, CommandError
 
 from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.domain.errors import LabError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.uni_lab_os.graph_write import export_uni_lab_os
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

@@ -9,7 +9,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.crutd.selectors.deliveries import deliveries_of
-from labweb.domain.crutd.deliveries import render_deliveries
+from labweb.domain.crutd.delivery_table import render_deliveries
 from labweb.domain.errors import LabError
 from labweb.resources import selectors as resource_selectors
 

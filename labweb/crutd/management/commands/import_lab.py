@@ -16,10 +16,10 @@ from django.core.management.base import BaseCommand, CommandError
 from labweb.common.bulk import without_collector
 from labweb.crutd.services import check_time_zone, import_lab
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.uni_lab_os.report import report
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import read_binding
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.uni_lab_os.import_report import report
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Format, LabDocument
 
 BINDINGS = Path(__file__).parents[4] / "fixtures" / "bindings"
 
@@ -68,7 +68,7 @@ class Command(BaseCommand):
 
     def _bring(self, path: Path, options: dict[str, Any], answer: dict[str, Any]) -> None:
         raw = path.read_bytes()
-        document = Document(raw, path.stem)
+        document = LabDocument(raw, path.stem)
         answer["format"] = document.format.value
         lab_file = self._read(document, options["bind"])
         answer |= _counted(lab_file)
@@ -78,7 +78,7 @@ class Command(BaseCommand):
             source["sha256"] = hashlib.sha256(raw).hexdigest()
             import_lab(lab_file, actor=None, source=source)
 
-    def _read(self, document: Document, bind: Path | None) -> LabFile:
+    def _read(self, document: LabDocument, bind: Path | None) -> LabFile:
         if bind is None and document.format is Format.LABWEB:
             return document.read()
         path = bind or BINDINGS / f"{document.format}.json"

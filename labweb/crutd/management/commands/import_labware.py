@@ -16,13 +16,13 @@ from django.db.transaction import atomic, set_rollback
 
 from labweb.crutd.services import import_labware
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.guard import decode_json
-from labweb.domain.graph.lab_file.model import entry_id
-from labweb.domain.resources.labware.files import LabwareFile, read_labware, resources_of
-from labweb.domain.resources.labware.rows import Identity
-from labweb.domain.resources.node import Resource
-from labweb.domain.resources.places import check_places
-from labweb.domain.resources.tree import Tree
+from labweb.domain.graph.lab_file.lab_model import entry_id
+from labweb.domain.graph.lab_file.untrusted_json import decode_json
+from labweb.domain.resources.labware.labware_formats import LabwareFile, read_labware, resources_of
+from labweb.domain.resources.labware.labware_resources import LabwareIdentity
+from labweb.domain.resources.placement import check_places
+from labweb.domain.resources.resource import Resource
+from labweb.domain.resources.resource_tree import Tree
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
@@ -80,7 +80,9 @@ class Command(BaseCommand):
         parent = resource_selectors.find_by_key(lab, options["into"])
         key = options["key"] or options["name"]
         id_of = partial(entry_id, lab.id, "resource")
-        identity = Identity(id=id_of(key), key=key, name=options["name"], parent_id=parent.id)
+        identity = LabwareIdentity(
+            id=id_of(key), key=key, name=options["name"], parent_id=parent.id
+        )
         resources = resources_of(file, identity, id_of, is_full=options["full"])
         with atomic():
             import_labware(resources, lab=lab, actor=None, source=source)

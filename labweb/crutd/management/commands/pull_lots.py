@@ -16,7 +16,7 @@ from django.db.transaction import atomic, set_rollback
 
 from labweb.accounts import selectors as account_selectors
 from labweb.crutd.services import receive_deliveries
-from labweb.domain.crutd.deliveries import MOST_BYTES, read_deliveries
+from labweb.domain.crutd.delivery_table import MOST_BYTES, read_deliveries
 from labweb.domain.errors import DefinitionError, LabError
 from labweb.resources import selectors as resource_selectors
 

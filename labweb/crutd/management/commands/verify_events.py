@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from labweb.accounts.management.chain_command import VerifyCommand
 from labweb.crutd.selectors.event_chain import first_broken_event, first_broken_signed_head
 from labweb.domain.errors import Finding
-from labweb.domain.messages import Countersigned
+from labweb.domain.messages.chain_heads import Countersigned
 from labweb.resources import selectors as resource_selectors
 
 

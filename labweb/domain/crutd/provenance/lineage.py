@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
+from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow, is_nominal, is_reaction
 
 FOREVER = 2**62
 """Later than every flow."""
@@ -20,11 +20,11 @@ FOREVER = 2**62
 class Page:
     """What the ledger says of some accounts."""
 
-    flows: Sequence[Flow]
+    flows: Sequence[LedgerFlow]
     """Every flow into and out of them, in ledger order."""
 
     unread: frozenset[str] = frozenset()
-    """Accounts with more flows than may be read; of these `flows` holds none."""
+    """Accounts with more flows than may be read; of these `ledger_flows` holds none."""
 
 
 History = Callable[[Collection[str]], Page]
@@ -45,7 +45,7 @@ class Limits:
 class Trace:
     """The flows found, and what was left out."""
 
-    flows: tuple[Flow, ...] = ()
+    flows: tuple[LedgerFlow, ...] = ()
     """In ledger order; each holds the lots that matter here, and no others."""
 
     beyond: int = 0
@@ -92,9 +92,9 @@ class _Ledger:
         self._history = history
         self._known: set[str] = set()
         self.unread: set[str] = set()
-        self._flows: dict[tuple[str, str, str], Flow] = {}
-        self._by_pool: dict[tuple[str, str], list[tuple[Flow, int]]] = {}
-        self._by_activity: dict[str, list[Flow]] = {}
+        self._flows: dict[tuple[str, str, str], LedgerFlow] = {}
+        self._by_pool: dict[tuple[str, str], list[tuple[LedgerFlow, int]]] = {}
+        self._by_activity: dict[str, list[LedgerFlow]] = {}
 
     def read(self, accounts: Iterable[str]) -> None:
         wanted = {a for a in accounts if not is_nominal(a)} - self._known
@@ -115,10 +115,10 @@ class _Ledger:
     def lots_of(self, vessel: str) -> list[str]:
         return [lot for account, lot in self._by_pool if account == vessel]
 
-    def rows(self, vessel: str, lot: str) -> list[tuple[Flow, int]]:
+    def rows(self, vessel: str, lot: str) -> list[tuple[LedgerFlow, int]]:
         return self._by_pool.get((vessel, lot), [])
 
-    def siblings(self, flow: Flow) -> list[Flow]:
+    def siblings(self, flow: LedgerFlow) -> list[LedgerFlow]:
         return self._by_activity.get(flow.activity, [])
 
 
@@ -143,7 +143,9 @@ def trace_down(vessel: str, history: History, limits: Limits) -> Trace:
     return _trace(pools, ledger, limits, forward=True, root=vessel)
 
 
-def trace_flows(flows: Sequence[Flow], history: History, limits: Limits, *, forward: bool) -> Trace:
+def trace_flows(
+    flows: Sequence[LedgerFlow], history: History, limits: Limits, *, forward: bool
+) -> Trace:
     """Follow given flows on, from their targets or back from their sources; they are included."""
     ledger = _Ledger(history)
     links = [(flow, lot) for flow in flows for lot in flow.lots]
@@ -172,7 +174,7 @@ def _last_held(ledger: _Ledger, vessel: str) -> list[_Pool]:
     return [pool for pool in gone if pool.activity == act]
 
 
-_Links = dict[tuple[tuple[str, str, str], str], Flow]
+_Links = dict[tuple[tuple[str, str, str], str], LedgerFlow]
 
 
 def _trace(
@@ -235,7 +237,7 @@ def _next(
     return links
 
 
-def _inflows(rows: Sequence[tuple[Flow, int]], before: int) -> list[Flow]:
+def _inflows(rows: Sequence[tuple[LedgerFlow, int]], before: int) -> list[LedgerFlow]:
     """Return what came in since the lot was last used up, before a place in the ledger."""
     balance, since = 0, []
     for flow, amount in rows:
@@ -250,8 +252,8 @@ def _inflows(rows: Sequence[tuple[Flow, int]], before: int) -> list[Flow]:
 
 
 def _outflows(
-    rows: Sequence[tuple[Flow, int]], after: int, *, is_all: bool
-) -> tuple[list[Flow], str | None]:
+    rows: Sequence[tuple[LedgerFlow, int]], after: int, *, is_all: bool
+) -> tuple[list[LedgerFlow], str | None]:
     """Return what went out from a place in the ledger on, and the act that used the lot up."""
     balance, since = 0, []
     for flow, amount in rows:
@@ -263,7 +265,7 @@ def _outflows(
     return since, None
 
 
-def _reacted(flow: Flow, ledger: _Ledger, *, forward: bool) -> _Links:
+def _reacted(flow: LedgerFlow, ledger: _Ledger, *, forward: bool) -> _Links:
     """Return the other side of a reaction: reactants of a product, products of a reactant."""
     if forward and is_reaction(flow.target):
         others = [f for f in ledger.siblings(flow) if is_reaction(f.source)]
@@ -274,7 +276,7 @@ def _reacted(flow: Flow, ledger: _Ledger, *, forward: bool) -> _Links:
     return {(other.key, lot): other for other in others for lot in other.lots}
 
 
-def _pool_of(flow: Flow, lot: str, *, forward: bool) -> _Pool | None:
+def _pool_of(flow: LedgerFlow, lot: str, *, forward: bool) -> _Pool | None:
     vessel = flow.target if forward else flow.source
     return None if is_nominal(vessel) else _Pool(vessel, lot, flow.order, flow.activity)
 
@@ -286,9 +288,9 @@ def _within(fresh: _Links, room: int) -> _Links:
     return {link: flow for link, flow in fresh.items() if link[0] in kept}
 
 
-def _trimmed(found: _Links) -> tuple[Flow, ...]:
+def _trimmed(found: _Links) -> tuple[LedgerFlow, ...]:
     lots: dict[tuple[str, str, str], dict[str, int]] = {}
-    flows: dict[tuple[str, str, str], Flow] = {}
+    flows: dict[tuple[str, str, str], LedgerFlow] = {}
     for (key, lot), flow in found.items():
         flows[key] = flow
         lots.setdefault(key, {})[lot] = flow.lots[lot]

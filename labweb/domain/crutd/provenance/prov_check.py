@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from labweb.domain.crutd.provenance.names import PROV
-from labweb.domain.crutd.provenance.prov_read import Document, Statement
-from labweb.domain.crutd.provenance.prov_table import SHAPES
+from labweb.domain.crutd.provenance.prov_json_read import ProvDocument, ProvStatement
+from labweb.domain.crutd.provenance.prov_records_table import SHAPES
+from labweb.domain.crutd.provenance.qualified_names import PROV
 from labweb.domain.errors import Finding
 
 _BASIC = frozenset(
@@ -37,17 +37,17 @@ _EMPTY = f"{PROV}EmptyCollection"
 class _Scope:
     """The statements of one document or bundle, merged as far as they say the same."""
 
-    statements: list[Statement]
+    statements: list[ProvStatement]
     findings: list[Finding]
 
     def refuse(self, path: str, message: str, code: str) -> None:
         self.findings.append(Finding(code, message, path))
 
-    def of(self, kind: str) -> list[Statement]:
+    def of(self, kind: str) -> list[ProvStatement]:
         return [s for s in self.statements if s.kind == kind]
 
 
-def check_prov(document: Document) -> list[Finding]:
+def check_prov(document: ProvDocument) -> list[Finding]:
     """List the contradictions of a document and, each for itself, of its bundles."""
     found: list[Finding] = []
     for part in (document, *document.bundles.values()):
@@ -79,7 +79,7 @@ def _merge_by_name(scope: _Scope) -> None:
 def _merge_by_key(scope: _Scope) -> None:
     """Constraints 24 to 27: one generation by an activity, one start by a starter."""
 
-    def key(statement: Statement) -> tuple[str, ...] | None:
+    def key(statement: ProvStatement) -> tuple[str, ...] | None:
         names = _KEYS.get(statement.kind)
         if names is None or any(name not in statement.arguments for name in names):
             return None
@@ -88,9 +88,9 @@ def _merge_by_key(scope: _Scope) -> None:
     _merge(scope, key)
 
 
-def _merge(scope: _Scope, key: Callable[[Statement], tuple[str, ...] | None]) -> None:
+def _merge(scope: _Scope, key: Callable[[ProvStatement], tuple[str, ...] | None]) -> None:
     first: dict[tuple[str, ...], int] = {}
-    merged: list[Statement] = []
+    merged: list[ProvStatement] = []
     for statement in scope.statements:
         named = key(statement)
         if named is None or named not in first:
@@ -103,7 +103,7 @@ def _merge(scope: _Scope, key: Callable[[Statement], tuple[str, ...] | None]) ->
     scope.statements = merged
 
 
-def _unified(scope: _Scope, one: Statement, other: Statement) -> Statement:
+def _unified(scope: _Scope, one: ProvStatement, other: ProvStatement) -> ProvStatement:
     arguments = dict(one.arguments)
     for argument in SHAPES[one.kind].arguments:
         name = argument.name
@@ -138,7 +138,7 @@ def _check_times(scope: _Scope) -> None:
                 scope.refuse(statement.path, message, "prov.conflict")
 
 
-def _sorts(statements: Iterable[Statement]) -> Iterator[tuple[str, str, str]]:
+def _sorts(statements: Iterable[ProvStatement]) -> Iterator[tuple[str, str, str]]:
     """Constraint 50: what each name must be, for it stands where it stands."""
     for statement in statements:
         if SHAPES[statement.kind].is_element and statement.id is not None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from labweb.domain.crutd.provenance.names import PROV, XSD, expand
+from labweb.domain.crutd.provenance.qualified_names import PROV, XSD, expand
 
 _TIME = re.compile(r"-?\d{4,}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)?", re.ASCII)
 _INTEGER = re.compile(r"[+-]?\d+", re.ASCII)

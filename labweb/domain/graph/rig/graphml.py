@@ -11,7 +11,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, ParseError, TreeBuilder, XMLParser
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.guard import MAX_BYTES, MAX_NODES, decode_json, refuse
+from labweb.domain.graph.lab_file.untrusted_json import MAX_BYTES, MAX_NODES, decode_json, refuse
 
 GRAPHML = "http://graphml.graphdrawing.org/xmlns"
 YED = "http://www.yworks.com/xml/graphml"
@@ -25,7 +25,7 @@ JSON_KEY = "json."
 
 
 @dataclass(frozen=True)
-class Document:
+class GraphmlDocument:
     """A GraphML file."""
 
     value: Mapping[str, Any]
@@ -61,7 +61,7 @@ class _Bounded(TreeBuilder):
         return super().end(tag)
 
 
-def read_graphml(raw: bytes) -> Document:
+def read_graphml(raw: bytes) -> GraphmlDocument:
     """Read GraphML.
 
     The label that yEd draws beside a node is its id; without one the XML id is. A node
@@ -100,7 +100,7 @@ def read_graphml(raw: bytes) -> Document:
     top = _data(graph, keys, {}).get("top")
     has_top = isinstance(top, Mapping) and not {"nodes", "links", "edges"} & set(top)
     value = {"nodes": nodes, "links": links, **(top if has_top and top else {})}
-    return Document(value, text)
+    return GraphmlDocument(value, text)
 
 
 def _same(given: object, text: str) -> object:

@@ -17,8 +17,8 @@ from labweb.domain.errors import Finding, ProtocolError
 from labweb.domain.recipes.agreement.deeds import Deed
 from labweb.domain.recipes.agreement.meant import deeds_of_workflow
 from labweb.domain.recipes.agreement.proved import deeds_of_plan
-from labweb.domain.workflows.edges import check_edges, find_earlier
-from labweb.domain.workflows.steps import STEP_KINDS, called
+from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS, called
+from labweb.domain.workflows.workflow_edges import check_edges, find_earlier
 
 _MOVES = frozenset(kind for kind, one in STEP_KINDS.items() if one.parameter("pump") is not None)
 """Steps whose liquid, or gas, goes over syringes and valves."""

@@ -11,8 +11,8 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.workflows.passes.lab_view import PlannerView
 
 Proved = Mapping[str, Any]
 """`recipe_sha256`, `graph_sha256`, and `sources`: resource id → `reagent` of the recipe and the
@@ -43,7 +43,7 @@ def render_proved(told: Mapping[str, Any], lab: LabFile) -> dict[str, Any]:
 
 
 def check_contents(
-    proved: Proved, lab: LabView, among: Container[UUID] | None = None
+    proved: Proved, lab: PlannerView, among: Container[UUID] | None = None
 ) -> list[Finding]:
     """List the vessels that hold another material than the plan was proved with.
 
@@ -60,7 +60,7 @@ def check_contents(
     return [one for one in found if among is None or UUID(one.context["resource_id"]) in among]
 
 
-def _sources(proved: Proved, lab: LabView) -> Iterator[Finding]:
+def _sources(proved: Proved, lab: PlannerView) -> Iterator[Finding]:
     for resource_id, told in sorted(proved["sources"].items()):
         there = _materials(lab, UUID(resource_id))
         if not there <= set(told["materials"]):
@@ -68,7 +68,7 @@ def _sources(proved: Proved, lab: LabView) -> Iterator[Finding]:
             yield _finding(resource_id, does, told, there, lab)
 
 
-def _vessels(proved: Proved, lab: LabView) -> Iterator[Finding]:
+def _vessels(proved: Proved, lab: PlannerView) -> Iterator[Finding]:
     for resource_id, told in sorted(proved.get("vessels", {}).items()):
         there = _materials(lab, UUID(resource_id))
         if there != set(told["materials"]):
@@ -76,7 +76,7 @@ def _vessels(proved: Proved, lab: LabView) -> Iterator[Finding]:
 
 
 def _finding(
-    resource_id: str, does: str, told: Mapping[str, Any], there: set[str], lab: LabView
+    resource_id: str, does: str, told: Mapping[str, Any], there: set[str], lab: PlannerView
 ) -> Finding:
     name = lab.names.get(resource_id, resource_id)
     was = ", ".join(told["materials"]) or "nothing"
@@ -89,7 +89,7 @@ def _finding(
     return Finding("recipe.other_content", message, "", {"resource_id": resource_id, **reagent})
 
 
-def _materials(lab: LabView, resource_id: UUID) -> set[str]:
+def _materials(lab: PlannerView, resource_id: UUID) -> set[str]:
     state, facts = lab.state(resource_id), lab.facts
     if state is None or facts is None:
         return set()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from labweb.domain.units import render_volume
-from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 WAIT = "wait"
 RINSE, PRIME, PUSH = "rinse", "prime", "push"
@@ -39,7 +39,7 @@ class Deed:
 
 
 @dataclass(slots=True)
-class Standing:
+class DeedStanding:
     """What goes on in the vessels while deeds are read."""
 
     stirred: dict[str, float] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class DeedWay:
     """From where to where, and through what."""
 
     source: str
@@ -71,9 +71,9 @@ class Way:
 
 
 def move(
-    way: Way,
+    way: DeedWay,
     amount: int | str,
-    standing: Standing,
+    standing: DeedStanding,
     place: Place,
     rates_ul_s: tuple[float, ...] = (),
     pumps: tuple[str, ...] = (),
@@ -86,26 +86,28 @@ def move(
     return Deed(what, text, place, rates_ul_s, pumps)
 
 
-def _while(text: str, standing: Standing) -> str:
+def _while(text: str, standing: DeedStanding) -> str:
     told = standing.text()
     return f"{text}, while {told}" if told else text
 
 
-def lower(way: Way, standing: Standing, place: Place, pumps: tuple[str, ...] = ()) -> Deed:
+def lower(way: DeedWay, standing: DeedStanding, place: Place, pumps: tuple[str, ...] = ()) -> Deed:
     """The lower of two layers is drawn."""
     text = f"draw the lower layer of {way.source} to {way.target}"
     what = ("lower", way, *standing.of(way.source, way.target))
     return Deed(what, _while(text, standing), place, pumps=pumps)
 
 
-def filtrate(way: Way, standing: Standing, place: Place, pumps: tuple[str, ...] = ()) -> Deed:
+def filtrate(
+    way: DeedWay, standing: DeedStanding, place: Place, pumps: tuple[str, ...] = ()
+) -> Deed:
     """The liquid of a filter is drawn off."""
     text = f"draw the filtrate of {way.source} to {way.target}"
     what = ("filter", way, *standing.of(way.source, way.target))
     return Deed(what, _while(text, standing), place, pumps=pumps)
 
 
-def push(way: Way, amount_nl: int, place: Place, pumps: tuple[str, ...] = ()) -> Deed:
+def push(way: DeedWay, amount_nl: int, place: Place, pumps: tuple[str, ...] = ()) -> Deed:
     """Gas is pushed into a vessel."""
     text = f"push {render_volume(amount_nl)} of gas from {way.source} into {way.target}"
     return Deed((PUSH, way, amount_nl), text, place, pumps=pumps)
@@ -122,7 +124,7 @@ def weigh_in(vessel: str, mass_ug: int, place: Place) -> Deed:
     return Deed(("solid", vessel, mass_ug), text, place)
 
 
-def wait(seconds: float, standing: Standing, place: Place) -> Deed:
+def wait(seconds: float, standing: DeedStanding, place: Place) -> Deed:
     """Time passes."""
     what = (WAIT, round(seconds, 6), *standing.of())
     return Deed(what, _while(f"wait {seconds:g} s", standing), place)
@@ -145,7 +147,7 @@ def boil(vessel: str, values: Mapping[str, float | None], place: Place) -> Deed:
     return Deed(("evaporate", vessel, *said), f"evaporate {vessel}: {text}", place)
 
 
-def end(standing: Standing) -> Deed:
+def end(standing: DeedStanding) -> Deed:
     """Nothing comes any more."""
     told = standing.text()
     text = f"end, and {told}" if told else "end, and nothing is stirred or heated"

@@ -14,7 +14,7 @@ from typing import Any
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.recipes.agreement.deeds import Deed
 from labweb.domain.recipes.agreement.meant import SAID, deeds_of_workflow
-from labweb.domain.workflows.steps import called
+from labweb.domain.workflows.unit_operations.step_palette import called
 
 _PORTS = ("source", "source_port", "target", "target_port")
 

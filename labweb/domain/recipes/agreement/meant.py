@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from labweb.domain.recipes.agreement import deeds
-from labweb.domain.recipes.agreement.deeds import Deed, Place, Standing, Way
+from labweb.domain.recipes.agreement.deeds import Deed, DeedStanding, DeedWay, Place
 from labweb.domain.units import parse, parse_mass_ug, parse_volume_nl
-from labweb.domain.workflows.steps import called
-from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.unit_operations.step_palette import called
+from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 _KPA_TO_MBAR = 10
 _REACT = "react"
@@ -19,7 +19,7 @@ Params = Mapping[str, Any]
 
 def deeds_of_workflow(document: Mapping[str, Any]) -> Iterator[Deed]:
     """Read the steps of a workflow as deeds; `react` changes lots and moves nothing."""
-    standing = Standing()
+    standing = DeedStanding()
     for step in document["steps"]:
         kind, place = step["kind"], {"step": step["id"]}
         if kind in _STEPS:
@@ -29,40 +29,40 @@ def deeds_of_workflow(document: Mapping[str, Any]) -> Iterator[Deed]:
     yield deeds.end(standing)
 
 
-def _transfer(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _transfer(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     amount = ALL if params["volume"] == ALL else parse_volume_nl(params["volume"])
     rates = (parse(params["flow_rate"], "flow_rate"),) if "flow_rate" in params else ()
-    way = Way(_key(params["source"]), _key(params["target"]), _through(params))
+    way = DeedWay(_key(params["source"]), _key(params["target"]), _through(params))
     yield deeds.move(way, amount, standing, place, rates, _pumps(params))
 
 
-def _start_stir(params: Params, standing: Standing, _place: Place) -> Iterator[Deed]:
+def _start_stir(params: Params, standing: DeedStanding, _place: Place) -> Iterator[Deed]:
     standing.stirred[_key(params["vessel"])] = parse(params["stir_speed"], "speed")
     yield from ()
 
 
-def _stop_stir(params: Params, standing: Standing, _place: Place) -> Iterator[Deed]:
+def _stop_stir(params: Params, standing: DeedStanding, _place: Place) -> Iterator[Deed]:
     standing.stirred.pop(_key(params["vessel"]), None)
     yield from ()
 
 
-def _stop_both(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _stop_both(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     standing.heated.pop(_key(params["vessel"]), None)
     yield from _stop_stir(params, standing, place)
 
 
-def _stop_heat(params: Params, standing: Standing, _place: Place) -> Iterator[Deed]:
+def _stop_heat(params: Params, standing: DeedStanding, _place: Place) -> Iterator[Deed]:
     standing.heated.pop(_key(params["vessel"]), None)
     yield from ()
 
 
-def _stir(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _stir(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     yield from _start_stir(params, standing, place)
     yield deeds.wait(parse(params["duration"], "time"), standing, place)
     yield from _stop_stir(params, standing, place)
 
 
-def _heat_chill(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _heat_chill(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     vessel = _key(params["vessel"])
     is_stirred = "stir_speed" in params
     if is_stirred:
@@ -74,33 +74,33 @@ def _heat_chill(params: Params, standing: Standing, place: Place) -> Iterator[De
         yield from _stop_stir(params, standing, place) if is_stirred else ()
 
 
-def _await(_params: Params, _standing: Standing, _place: Place) -> Iterator[Deed]:
+def _await(_params: Params, _standing: DeedStanding, _place: Place) -> Iterator[Deed]:
     yield from ()
 
 
-def _wait(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _wait(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     yield deeds.wait(parse(params["duration"], "time"), standing, place)
 
 
-def _separate(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _separate(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     yield deeds.wait(parse(params["settle_for"], "time"), standing, place)
-    way = Way(_key(params["vessel"]), _key(params["target"]), _through(params))
+    way = DeedWay(_key(params["vessel"]), _key(params["target"]), _through(params))
     yield deeds.lower(way, standing, place, _pumps(params))
 
 
-def _filter(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
-    way = Way(_key(params["vessel"]), _key(params["target"]))
+def _filter(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
+    way = DeedWay(_key(params["vessel"]), _key(params["target"]))
     yield deeds.filtrate(way, standing, place, _pumps(params))
 
 
-def _dry(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _dry(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     vessel = _key(params["vessel"])
     yield deeds.vacuum(vessel, _mbar(params), place)
     yield deeds.wait(parse(params["duration"], "time"), standing, place)
     yield deeds.vent(vessel, "", place)
 
 
-def _evaporate(params: Params, _standing: Standing, place: Place) -> Iterator[Deed]:
+def _evaporate(params: Params, _standing: DeedStanding, place: Place) -> Iterator[Deed]:
     said = {
         "s": parse(params["duration"], "time"),
         "mbar": _mbar(params),
@@ -110,7 +110,7 @@ def _evaporate(params: Params, _standing: Standing, place: Place) -> Iterator[De
     yield deeds.boil(_key(params["vessel"]), said, place)
 
 
-def _evacuate_refill(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
+def _evacuate_refill(params: Params, standing: DeedStanding, place: Place) -> Iterator[Deed]:
     vessel = _key(params["vessel"])
     for _ in range(int(params["rounds"])):
         yield deeds.vacuum(vessel, _mbar(params), place)
@@ -121,20 +121,20 @@ def _evacuate_refill(params: Params, standing: Standing, place: Place) -> Iterat
             yield deeds.wait(parse(params["gas_for"], "time"), standing, place)
 
 
-def _confirm(params: Params, _standing: Standing, place: Place) -> Iterator[Deed]:
+def _confirm(params: Params, _standing: DeedStanding, place: Place) -> Iterator[Deed]:
     yield deeds.ask(params["question"], place)
 
 
-def _add_solid(params: Params, _standing: Standing, place: Place) -> Iterator[Deed]:
+def _add_solid(params: Params, _standing: DeedStanding, place: Place) -> Iterator[Deed]:
     yield deeds.weigh_in(_key(params["target"]), parse_mass_ug(params["mass"]), place)
 
 
-def _push_gas(params: Params, _standing: Standing, place: Place) -> Iterator[Deed]:
-    way = Way(_key(params["gas"]), _key(params["target"]))
+def _push_gas(params: Params, _standing: DeedStanding, place: Place) -> Iterator[Deed]:
+    way = DeedWay(_key(params["gas"]), _key(params["target"]))
     yield deeds.push(way, parse_volume_nl(params["volume"]), place, _pumps(params))
 
 
-_STEPS: Mapping[str, Callable[[Params, Standing, Place], Iterator[Deed]]] = {
+_STEPS: Mapping[str, Callable[[Params, DeedStanding, Place], Iterator[Deed]]] = {
     "transfer": _transfer,
     "start_stir": _start_stir,
     "stop_stir": _stop_stir,

@@ -14,11 +14,11 @@ from labweb.domain.recipes.agreement.deeds import (
     RINSE,
     WAIT,
     Deed,
+    DeedStanding,
+    DeedWay,
     Place,
-    Standing,
-    Way,
 )
-from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.unit_operations.unit_operation import ALL
 
 _SILENT = frozenset({"fill", "empty", "reach", "gas", "stop_gas", "lower", "raise"})
 """Claims that a workflow does not have to say: by hand, or part of what it says at once."""
@@ -69,14 +69,14 @@ class _Reading:
     """Follows what is stirred, heated and turned."""
 
     def __init__(self) -> None:
-        self.standing = Standing()
+        self.standing = DeedStanding()
         self._turning: dict[str, dict[str, float | None]] = {}
         """Flask on a rotary evaporator → what was set of it."""
 
     def read(self, does: Claim, actions: Iterable[Any], place: Place) -> Iterable[Deed]:
         """Return the deeds of one claim."""
         if does["kind"] == "transfer":
-            way = Way(does["from"], does["to"], tuple(does.get("through", ())))
+            way = DeedWay(does["from"], does["to"], tuple(does.get("through", ())))
             amount = ALL if does.get("all") else _nl(does["volume_ul"])
             rates, pumps = _pushed(actions), _pumps(actions)
             return [deeds.move(way, amount, self.standing, place, rates, pumps)]
@@ -94,7 +94,11 @@ class _Reading:
     def _added(self, does: Claim, actions: Iterable[Any], place: Place) -> Deed:
         """Return what the plan does beside the recipe: what cleans, fills and empties tubes."""
         why, what = _ADDED[does["kind"]]
-        way, much, pumps = Way(does["from"], does["to"]), _nl(does["volume_ul"]), _pumps(actions)
+        way, much, pumps = (
+            DeedWay(does["from"], does["to"]),
+            _nl(does["volume_ul"]),
+            _pumps(actions),
+        )
         if why == PUSH:
             return replace(deeds.push(way, much, place, pumps), added=why)
         moved = deeds.move(way, much, self.standing, place, pumps=pumps)
@@ -140,7 +144,7 @@ class _Reading:
         return [deeds.boil(does["vessel"], said, place)]
 
     def filter(self, does: Claim, place: Place) -> list[Deed]:
-        return [deeds.filtrate(Way(does["vessel"], does["to"]), self.standing, place)]
+        return [deeds.filtrate(DeedWay(does["vessel"], does["to"]), self.standing, place)]
 
     def ask(self, does: Claim, place: Place) -> list[Deed]:
         return [deeds.ask(does["text"], place)]
@@ -153,8 +157,8 @@ class _Reading:
 
     def separate(self, does: Claim, place: Place) -> list[Deed]:
         vessel, upper = does["vessel"], does["upper_to"]
-        below = Way(vessel, does["lower_to"], tuple(does.get("lower_through", ())))
-        above = Way(vessel, upper, tuple(does.get("upper_through", ())))
+        below = DeedWay(vessel, does["lower_to"], tuple(does.get("lower_through", ())))
+        above = DeedWay(vessel, upper, tuple(does.get("upper_through", ())))
         lower = deeds.lower(below, self.standing, place)
         stays = upper == vessel
         return [lower] if stays else [lower, deeds.move(above, ALL, self.standing, place)]

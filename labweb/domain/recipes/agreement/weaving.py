@@ -16,7 +16,7 @@ from typing import Any
 from labweb.domain.recipes.agreement.deeds import PRIME, PUSH, RINSE, Deed
 from labweb.domain.recipes.agreement.meant import deeds_of_workflow
 from labweb.domain.recipes.agreement.proved import deeds_of_plan
-from labweb.domain.workflows.steps import STEP_KINDS
+from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 
 _NL_PER_ML = 1_000_000
 _NOTES = {

@@ -6,36 +6,36 @@ from collections.abc import Container, Mapping
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.lab_file.entries import SCHEMA
-from labweb.domain.graph.rig.elements import decimal, volume_nl
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.loss import LABWEB, lost, unheld
+from labweb.domain.graph.elements import Element, ElementRole, Tube
+from labweb.domain.graph.lab_file.lab_json_entries import SCHEMA
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.nodes_as_elements import decimal, volume_nl
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.recipes.graph_formats.conversion_loss import LABWEB, lost, unheld
 from labweb.domain.recipes.on_rig.equipment import (
     COLLECT,
     Equipment,
-    Sort,
     Thermostat,
+    VesselSort,
     is_passive,
 )
-from labweb.domain.resources.kinds import VACUUMS
+from labweb.domain.resources.resource_kinds import VACUUMS
 
 _NL_PER_UL = 1000
 _VALVE_PORTS = 6
 _COMMON = "-1"
-_KINDS: Mapping[Sort, str] = {
-    Sort.REACTOR: "reactor",
-    Sort.SEPARATOR: "separator",
-    Sort.FILTER: "filter",
-    Sort.WASTE: "waste",
-    Sort.FLASK: "flask",
-    Sort.ROTAVAP: "flask",
+_KINDS: Mapping[VesselSort, str] = {
+    VesselSort.REACTOR: "reactor",
+    VesselSort.SEPARATOR: "separator",
+    VesselSort.FILTER: "filter",
+    VesselSort.WASTE: "waste",
+    VesselSort.FLASK: "flask",
+    VesselSort.ROTAVAP: "flask",
 }
-_PARTS: Mapping[Role, str] = {
-    Role.VALVE: "rotary_valve",
-    Role.PUMP: "syringe_pump",
-    Role.CARTRIDGE: "cartridge",
+_PARTS: Mapping[ElementRole, str] = {
+    ElementRole.VALVE: "rotary_valve",
+    ElementRole.PUMP: "syringe_pump",
+    ElementRole.CARTRIDGE: "cartridge",
 }
 _SAID = frozenset(
     {"id", "name", "class", "type", "chemical", "current_volume", "max_volume", "min_temp"}
@@ -150,19 +150,19 @@ class _Writer:
 
     def _element(self, element: Element) -> None:
         key, equipment = element.key, self._equipment
-        if element.role is Role.VALVE:
+        if element.role is ElementRole.VALVE:
             self._put(key, "rotary_valve", ports_count=_VALVE_PORTS, common_port=_COMMON)
-        elif element.role is Role.CARTRIDGE:
+        elif element.role is ElementRole.CARTRIDGE:
             self._put(key, "cartridge", filling=equipment.chemical(key) or None)
-        elif element.role is Role.PUMP:
+        elif element.role is ElementRole.PUMP:
             self._put(key, "syringe_pump", capacity_ul=_ul(element.capacity_nl))
-        elif element.role is Role.VACUUM:
+        elif element.role is ElementRole.VACUUM:
             # Behind a line alone something draws that the graph does not show.
             is_led = is_passive(element) and equipment.vacuum_pump(key) is not None
             self._put(key, "vacuum_line" if is_led else "vacuum_controller")
         elif equipment.gas(key):
             self._put(key, "bottle", gas=equipment.gas(key))
-        elif element.role is Role.VESSEL:
+        elif element.role is ElementRole.VESSEL:
             self._vessel(element)
         else:
             self._device(element)
@@ -170,7 +170,7 @@ class _Writer:
     def _vessel(self, element: Element) -> None:
         key, equipment = element.key, self._equipment
         sort, parent = equipment.sort(key), self._bench
-        if sort is Sort.ROTAVAP:
+        if sort is VesselSort.ROTAVAP:
             parent = self._fresh(f"{key}_evaporator")
             self._put(parent, "rotary_evaporator", **_reach(equipment.thermostats(key)[0]))
             size = _ul(equipment.capacity_nl(f"{key}#{COLLECT}"))

@@ -10,38 +10,44 @@ from collections.abc import Mapping
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.rig.classes import chemputer_sort, instrument_sort
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.topology import Medium
-from labweb.domain.recipes.graph_formats.loss import CHEMPUTER, lost
-from labweb.domain.recipes.on_rig.equipment import CARRIES, COLLECT, Equipment, Sort, is_passive
+from labweb.domain.graph.elements import Element, ElementRole, Tube
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.node_classes import chemputer_sort, instrument_sort
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.recipes.graph_formats.conversion_loss import CHEMPUTER, lost
+from labweb.domain.recipes.on_rig.equipment import (
+    CARRIES,
+    COLLECT,
+    Equipment,
+    VesselSort,
+    is_passive,
+)
 
 _NL_PER_ML = 1_000_000
 _MOST_PORT = 5
 _DRY = "(,)"
 _JOINS = frozenset({Medium.THERMAL, Medium.MECHANICAL, Medium.ELECTRICAL, Medium.VACUUM})
-_VESSELS: Mapping[Sort, tuple[str, str]] = {
-    Sort.REACTOR: ("ChemputerReactor", "reactor"),
-    Sort.FILTER: ("ChemputerFilter", "filter"),
-    Sort.SEPARATOR: ("ChemputerSeparator", "separator"),
-    Sort.ROTAVAP: ("IKARV10", "rotavap"),
-    Sort.CENTRIFUGE: ("Centrifuge", "centrifuge"),
-    Sort.WASTE: ("ChemputerWaste", "waste"),
-    Sort.FLASK: ("ChemputerFlask", "flask"),
-    Sort.PLAIN: ("ChemputerFlask", "flask"),
+_VESSELS: Mapping[VesselSort, tuple[str, str]] = {
+    VesselSort.REACTOR: ("ChemputerReactor", "reactor"),
+    VesselSort.FILTER: ("ChemputerFilter", "filter"),
+    VesselSort.SEPARATOR: ("ChemputerSeparator", "separator"),
+    VesselSort.ROTAVAP: ("IKARV10", "rotavap"),
+    VesselSort.CENTRIFUGE: ("Centrifuge", "centrifuge"),
+    VesselSort.WASTE: ("ChemputerWaste", "waste"),
+    VesselSort.FLASK: ("ChemputerFlask", "flask"),
+    VesselSort.PLAIN: ("ChemputerFlask", "flask"),
 }
-_PARTS: Mapping[Role, tuple[str, str]] = {
-    Role.VALVE: ("ChemputerValve", "valve"),
-    Role.PUMP: ("ChemputerPump", "pump"),
-    Role.CARTRIDGE: ("ChemputerCartridge", "cartridge"),
-    Role.MANIFOLD: ("ChemputerManifold", "manifold"),
-    Role.GAS: ("ChemputerFlask", "flask"),
+_PARTS: Mapping[ElementRole, tuple[str, str]] = {
+    ElementRole.VALVE: ("ChemputerValve", "valve"),
+    ElementRole.PUMP: ("ChemputerPump", "pump"),
+    ElementRole.CARTRIDGE: ("ChemputerCartridge", "cartridge"),
+    ElementRole.MANIFOLD: ("ChemputerManifold", "manifold"),
+    ElementRole.GAS: ("ChemputerFlask", "flask"),
 }
 _CLASSES: Mapping[str, str] = {"thermostat": "heater_chiller", "heater": "heater"}
 """Kinds whose own name is no class of an instrument there."""
 
-_NUMBERED: Mapping[Sort, int] = {Sort.REACTOR: 3}
+_NUMBERED: Mapping[VesselSort, int] = {VesselSort.REACTOR: 3}
 """Vessels with so many ports that are numbered from 0; others have one for all their tubes."""
 
 _SIDES = ("bottom", "top")
@@ -76,7 +82,7 @@ class _Writer:
         self._numbers = {
             element.key: _numbered_from(element, rig.tubes)
             for element in rig.elements
-            if element.role is Role.VALVE
+            if element.role is ElementRole.VALVE
         }
         self._taken: dict[str, list[str]] = {}
 
@@ -95,15 +101,15 @@ class _Writer:
         key, role = element.key, element.role
         if key in self._receivers or key in self._machines:
             return  # They are parts of one node there.
-        if role is Role.VALVE and element.positions:
+        if role is ElementRole.VALVE and element.positions:
             self._lose(key, "no class there stands for a valve of this sort")
         elif element.selects:
             self._lose(key, "it is pump and valve in one, and no class there is both")
         elif role in _PARTS:
             self._put(key, *_PARTS[role], **self._part(element))
-        elif role is Role.VESSEL:
+        elif role is ElementRole.VESSEL:
             self._put(key, *_VESSELS[self._equipment.sort(key)], **self._held(key))
-        elif role is Role.VACUUM:
+        elif role is ElementRole.VACUUM:
             self._vacuum(element)
         elif (class_ := _class_of(element)) is not None:
             self._put(key, class_, "device", **_range(element))
@@ -115,11 +121,15 @@ class _Writer:
         self._nodes[key] = {"id": key, "name": key, "class": class_, "type": type_, **known}
 
     def _part(self, element: Element) -> dict[str, Any]:
-        if element.role is Role.PUMP:
+        if element.role is ElementRole.PUMP:
             return {"max_volume": _ml(element.capacity_nl)}
-        if element.role is Role.CARTRIDGE:
+        if element.role is ElementRole.CARTRIDGE:
             return {"chemical": self._equipment.chemical(element.key)}
-        return {"chemical": self._equipment.gas(element.key)} if element.role is Role.GAS else {}
+        return (
+            {"chemical": self._equipment.gas(element.key)}
+            if element.role is ElementRole.GAS
+            else {}
+        )
 
     def _held(self, key: str) -> dict[str, Any]:
         equipment = self._equipment
@@ -132,11 +142,11 @@ class _Writer:
             found |= {"chemical": held[0][0], "current_volume": _ml(held[0][1])}
         else:
             found |= {"chemical": equipment.chemical(key), "current_volume": 0}
-        if equipment.sort(key) is Sort.ROTAVAP:
+        if equipment.sort(key) is VesselSort.ROTAVAP:
             receiver = next((one for one, own in self._receivers.items() if own == key), "")
             size = equipment.capacity_nl(receiver or f"{key}#{COLLECT}")
             found |= {"collection_flask_volume": _ml(size)}
-        if equipment.sort(key) is Sort.PLAIN:
+        if equipment.sort(key) is VesselSort.PLAIN:
             self._lose(key, "what sort of vessel it is, nobody says: it is written as a flask")
         return found
 
@@ -147,7 +157,7 @@ class _Writer:
             return
         ways = self._equipment.ways.get(element.key, ())
         ends = (self._equipment.elements[far] for _, far, _ in ways)
-        is_line = any(end.role is not Role.VESSEL and not is_passive(end) for end in ends)
+        is_line = any(end.role is not ElementRole.VESSEL and not is_passive(end) for end in ends)
         if is_line:
             self._put(element.key, "ChemputerVacuum", "vacuum")
             pump = f"{element.key}_pump"
@@ -201,14 +211,14 @@ class _Writer:
     def _port(self, key: str, port: str, tube: Tube) -> str | None:
         """Return what a port is called there; None: the class has none like it."""
         element = self._equipment.elements[key]
-        if element.role is Role.VALVE:
+        if element.role is ElementRole.VALVE:
             return self._valve_port(element, port)
-        if element.role is Role.CARTRIDGE:
+        if element.role is ElementRole.CARTRIDGE:
             return next((side for side in ("out", "in") if side in port.lower()), None)
         sort = self._equipment.vessels.get(key)
-        if sort in (Sort.SEPARATOR, Sort.FILTER):
+        if sort in (VesselSort.SEPARATOR, VesselSort.FILTER):
             return next((side for side in _SIDES if side in port.lower()), None)
-        if sort is Sort.ROTAVAP:
+        if sort is VesselSort.ROTAVAP:
             return COLLECT if port == COLLECT else "evaporate"
         most = None if sort is None else _NUMBERED.get(sort)
         if most is None:

@@ -7,34 +7,34 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 
 from labweb.domain.errors import Finding
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 from labweb.domain.recipes.on_rig.labels import LISTED, alike, held
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
-from labweb.domain.recipes.xdl.findings import Findings, nearest
-from labweb.domain.recipes.xdl.markup import NOWHERE, Place
-from labweb.domain.recipes.xdl.recipe import Component, Procedure, Reagent
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind, BasicOperation
+from labweb.domain.recipes.xdl.file_format.findings import Findings, nearest
+from labweb.domain.recipes.xdl.file_format.recipe_model import Component, Procedure, Reagent
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, FilePlace
 
 _VESSEL_FIELDS = ("vessel", "source", "target", "lower_to", "upper_to")
 _REAGENT_FIELDS = {
-    Kind.ADD_LIQUID: "reagent",
-    Kind.ADJUST: "reagent",
-    Kind.RINSE_LINES: "solvent",
+    BasicKind.ADD_LIQUID: "reagent",
+    BasicKind.ADJUST: "reagent",
+    BasicKind.RINSE_LINES: "solvent",
 }
 _KINDS = {
-    "reactor": Sort.REACTOR,
-    "filter": Sort.FILTER,
-    "separator": Sort.SEPARATOR,
-    "rotavap": Sort.ROTAVAP,
-    "ikarv10": Sort.ROTAVAP,
-    "centrifuge": Sort.CENTRIFUGE,
-    "waste": Sort.WASTE,
-    "flask": Sort.FLASK,
-    "bufferflask": Sort.FLASK,
+    "reactor": VesselSort.REACTOR,
+    "filter": VesselSort.FILTER,
+    "separator": VesselSort.SEPARATOR,
+    "rotavap": VesselSort.ROTAVAP,
+    "ikarv10": VesselSort.ROTAVAP,
+    "centrifuge": VesselSort.CENTRIFUGE,
+    "waste": VesselSort.WASTE,
+    "flask": VesselSort.FLASK,
+    "bufferflask": VesselSort.FLASK,
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Binding:
+class RigBinding:
     """What stands for what."""
 
     vessels: Mapping[str, str]
@@ -57,7 +57,7 @@ class Binding:
 class _Use:
     """What the recipe does with a vessel."""
 
-    place: Place = NOWHERE
+    place: FilePlace = NOWHERE
     is_stirred: bool = False
     temperatures: list[Decimal] = field(default_factory=list)
 
@@ -69,7 +69,7 @@ def bind(
     given: Mapping[str, str],
     told: Findings,
     rinse: Iterable[str] = (),
-) -> Binding:
+) -> RigBinding:
     """Bind every vessel and liquid reagent that the recipe uses; tell all that cannot be.
 
     A vessel is the one of the same id and sort, the one that `given` names, or the only one of
@@ -85,7 +85,7 @@ def bind(
     binder.check_apart(reagents, vessels, uses)
     fillings = {name: key for name, key in given.items() if key in equipment.cartridges}
     notes = tuple(binder.notes)
-    return Binding(vessels=vessels, reagents=reagents, fillings=fillings, notes=notes)
+    return RigBinding(vessels=vessels, reagents=reagents, fillings=fillings, notes=notes)
 
 
 def _uses(operations: Iterable[BasicOperation]) -> dict[str, _Use]:
@@ -96,7 +96,7 @@ def _uses(operations: Iterable[BasicOperation]) -> dict[str, _Use]:
             if not isinstance(value, str) or value.startswith("@"):
                 continue
             use = uses.setdefault(value, _Use(place=operation.place))
-            use.is_stirred |= operation.kind is Kind.START_STIR
+            use.is_stirred |= operation.kind is BasicKind.START_STIR
             temperature = operation.fields.get("temperature_c")
             if isinstance(temperature, Decimal):
                 use.temperatures.append(temperature)
@@ -153,7 +153,7 @@ class _Binder:
         return found
 
     def _check_shared(
-        self, found: Mapping[str, tuple[str, ...]], wanted: Mapping[str, Place]
+        self, found: Mapping[str, tuple[str, ...]], wanted: Mapping[str, FilePlace]
     ) -> None:
         """Tell which reagents would come out of one flask: that holds one of them at most."""
         for key in sorted({key for keys in found.values() for key in keys}):
@@ -170,8 +170,8 @@ class _Binder:
 
     def _wanted(
         self, operations: Iterable[BasicOperation], uses: Mapping[str, _Use], rinse: Iterable[str]
-    ) -> dict[str, Place]:
-        wanted: dict[str, Place] = {}
+    ) -> dict[str, FilePlace]:
+        wanted: dict[str, FilePlace] = {}
         for operation in operations:
             name = operation.fields.get(_REAGENT_FIELDS.get(operation.kind, ""))
             if isinstance(name, str):
@@ -211,7 +211,7 @@ class _Binder:
                 f"{', '.join(other)}"
             )
 
-    def _refuse_given(self, name: str, place: Place) -> None:
+    def _refuse_given(self, name: str, place: FilePlace) -> None:
         """Tell that what was chosen by hand for something that holds liquid holds none."""
         key = self._given[name]
         if key in self._equipment.elements:
@@ -219,7 +219,7 @@ class _Binder:
             message = f"{name} is bound to {key} ({kind}), which is no vessel: bind one for liquid"
             self._told.tell("plan.not_a_vessel", message, place, vessel=key)
 
-    def _miss(self, name: str, place: Place) -> None:
+    def _miss(self, name: str, place: FilePlace) -> None:
         """Tell that a reagent is nowhere, and what is there that looks like it."""
         mixed = [key for key in self._flask_keys() if {name} < self._holds(key)]
         if mixed:
@@ -250,7 +250,7 @@ class _Binder:
 
     def _flask_keys(self) -> list[str]:
         vessels = self._equipment.vessels.items()
-        return [key for key, sort in vessels if sort in (Sort.FLASK, Sort.PLAIN)]
+        return [key for key, sort in vessels if sort in (VesselSort.FLASK, VesselSort.PLAIN)]
 
     def _holds(self, key: str) -> set[str]:
         return held(self._equipment, key)
@@ -331,7 +331,7 @@ class _Binder:
 
     def _is_full(self, key: str) -> bool:
         """Tell whether it is labelled, or a flask that holds something: no empty vessel."""
-        if self._equipment.sort(key) in (Sort.FLASK, Sort.PLAIN):
+        if self._equipment.sort(key) in (VesselSort.FLASK, VesselSort.PLAIN):
             return bool(held(self._equipment, key))
         return bool(self._equipment.chemical(key))
 
@@ -377,16 +377,16 @@ class _Binder:
             )
 
 
-def may_be(component: Component | None, sort: Sort) -> bool:
+def may_be(component: Component | None, sort: VesselSort) -> bool:
     """Tell whether a vessel of a sort can be what a recipe declares; None: it declares nothing."""
     kind = _kind(component)
-    if kind is None or kind == sort or Sort.PLAIN in (kind, sort):
+    if kind is None or kind == sort or VesselSort.PLAIN in (kind, sort):
         return True
     # A flask is what holds liquid: a recipe may call any vessel one.
-    return kind is Sort.FLASK or (kind is Sort.REACTOR and sort is Sort.FLASK)
+    return kind is VesselSort.FLASK or (kind is VesselSort.REACTOR and sort is VesselSort.FLASK)
 
 
-def _kind(component: Component | None) -> Sort | None:
+def _kind(component: Component | None) -> VesselSort | None:
     if component is None:
         return None
     return _KINDS.get(component.type.lower().replace("_", "").removeprefix("chemputer"))

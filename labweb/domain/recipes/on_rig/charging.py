@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from labweb.domain.errors import Finding
-from labweb.domain.recipes.on_rig.binding import Binding
+from labweb.domain.recipes.on_rig.binding import RigBinding
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.matter import exactly
@@ -22,7 +22,7 @@ def charge(making: Making, held_nl: Held) -> None:
             making.bring(key, {(lot, False): exactly(amount)})
 
 
-def check_charge(equipment: Equipment, binding: Binding, held_nl: Held) -> Iterator[Finding]:
+def check_charge(equipment: Equipment, binding: RigBinding, held_nl: Held) -> Iterator[Finding]:
     """Yield a finding for each vessel that cannot hold what is said to be in it.
 
     There is no such vessel, it is smaller, less than nothing is in it, or a flask that a reagent
@@ -62,13 +62,13 @@ def check_charge(equipment: Equipment, binding: Binding, held_nl: Held) -> Itera
 
 
 def _stated(
-    equipment: Equipment, binding: Binding, key: str, held_nl: Held
+    equipment: Equipment, binding: RigBinding, key: str, held_nl: Held
 ) -> Iterator[tuple[str, int]]:
     lot = _reagent(binding, key)
     yield from ((lot or name, amount) for name, amount in equipment.contents(key))
     yield from held_nl.get(key, {}).items()
 
 
-def _reagent(binding: Binding, key: str) -> str:
+def _reagent(binding: RigBinding, key: str) -> str:
     """Return the reagent that comes out of a vessel, "" where none does."""
     return next((name for name, keys in binding.reagents.items() if key in keys), "")

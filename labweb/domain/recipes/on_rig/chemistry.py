@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from itertools import chain, combinations
 
 from labweb.domain.errors import Finding
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 from labweb.domain.recipes.on_rig.stated import Stated, check_materials, materials_in, words_at
-from labweb.domain.recipes.xdl.findings import nearest
-from labweb.domain.recipes.xdl.recipe import Reagent
+from labweb.domain.recipes.xdl.file_format.findings import nearest
+from labweb.domain.recipes.xdl.file_format.recipe_model import Reagent
 from labweb.domain.resources.compatibility_table import CONFLICTS, STREAMS
 from labweb.domain.resources.substances_table import SUBSTANCES
 
@@ -150,7 +150,7 @@ def read_chemistry(
     takes = {
         key: frozenset(words) & TAKES
         for key, words in at_wastes.items()
-        if equipment.sort(key) is Sort.WASTE
+        if equipment.sort(key) is VesselSort.WASTE
     }
     apart = _apart(equipment, flasks, inside, known)
     return Chemistry(groups=known, takes=takes, apart=apart), findings
@@ -208,7 +208,7 @@ def _unassigned(
     """Yield a finding for words at a vessel that are of none of its lots for certain."""
     for key, words in sorted(at_vessels.items()):
         lots = sorted(inside[key])
-        if words and not lots and equipment.sort(key) is Sort.WASTE:
+        if words and not lots and equipment.sort(key) is VesselSort.WASTE:
             message = (
                 f"{key} says {', '.join(sorted(words))} and not that anything is in it: say how "
                 "much (`current_volume`), or take the words away where it is empty"

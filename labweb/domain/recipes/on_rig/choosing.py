@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from labweb.domain.recipes.on_rig.equipment import Sort
+from labweb.domain.recipes.on_rig.equipment import VesselSort
 from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.wastes import choose_waste
 from labweb.domain.recipes.on_rig.ways import chain_of
-from labweb.domain.recipes.xdl.expansion.basic import BUFFER, KEPT, WASTE
-from labweb.domain.recipes.xdl.markup import Place
+from labweb.domain.recipes.xdl.expansion.basic_operations import BUFFER, KEPT, WASTE
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 
-def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "") -> str | None:
+def choose_buffer(making: Making, source: str, place: FilePlace, waits_in: str = "") -> str | None:
     """Choose an empty vessel that gives back what it is given; None: there is none, as is told.
 
     The vessel that the recipe names for what waits comes first, then the nearest spare flask; one
@@ -23,9 +23,9 @@ def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "")
     waiting_nl = making.matter.liquid(source).most
     found = []
     for key, sort in equipment.vessels.items():
-        is_spare = sort is Sort.FLASK and not equipment.chemical(key) and key not in busy
+        is_spare = sort is VesselSort.FLASK and not equipment.chemical(key) and key not in busy
         is_spare = is_spare and not equipment.is_receiver(key)
-        is_own = key == wanted and sort is not Sort.WASTE and key != source
+        is_own = key == wanted and sort is not VesselSort.WASTE and key != source
         if making.matter.liquid(key).most or not (is_spare or is_own):
             continue
         there, back = chain_of(making, source, key), chain_of(making, key, source)
@@ -40,7 +40,9 @@ def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "")
     return min(found)[-1]
 
 
-def resolve(making: Making, name: str, source: str, place: Place, waits_in: str = "") -> str | None:
+def resolve(
+    making: Making, name: str, source: str, place: FilePlace, waits_in: str = ""
+) -> str | None:
     """Return the vessel behind the name of a target, which may be a waste or a buffer."""
     found = _resolve(making, name, source, place, waits_in)
     if found is not None and name in (WASTE, BUFFER, KEPT):
@@ -49,7 +51,7 @@ def resolve(making: Making, name: str, source: str, place: Place, waits_in: str 
     return found
 
 
-def _resolve(making: Making, name: str, source: str, place: Place, waits_in: str) -> str | None:
+def _resolve(making: Making, name: str, source: str, place: FilePlace, waits_in: str) -> str | None:
     if name == WASTE:
         return choose_waste(making, source, place)
     if name == BUFFER:

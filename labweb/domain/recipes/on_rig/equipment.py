@@ -11,11 +11,11 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-from labweb.domain.graph.elements import NL_PER_UL, Element, Role
-from labweb.domain.graph.rig.elements import decimal, volume_nl
-from labweb.domain.graph.rig.model import Rig, RigFormat
-from labweb.domain.graph.rig.volumes import level_nl, listed_nl
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.elements import NL_PER_UL, Element, ElementRole
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.nodes_as_elements import decimal, volume_nl
+from labweb.domain.graph.rig.rig_model import Rig, RigFormat
+from labweb.domain.graph.rig.stated_volumes import level_nl, listed_nl
 
 COLLECT = "collect"
 """Port of a rotary evaporator that its collecting flask is drawn from."""
@@ -24,7 +24,7 @@ CARRIES = frozenset({Medium.LIQUID, Medium.VACUUM, Medium.GAS})
 """What tubes carry; all else joins devices to what they act on."""
 
 
-class Sort(StrEnum):
+class VesselSort(StrEnum):
     """What a vessel is for."""
 
     REACTOR = "reactor"
@@ -39,13 +39,13 @@ class Sort(StrEnum):
 
 
 _SORTS = (
-    (r"rotavap|rotovap|rv_?10|r300", Sort.ROTAVAP),
-    (r"centrifuge", Sort.CENTRIFUGE),
-    (r"waste", Sort.WASTE),
-    (r"separator", Sort.SEPARATOR),
-    (r"filter", Sort.FILTER),
-    (r"reactor", Sort.REACTOR),
-    (r"flask|bottle|vial", Sort.FLASK),
+    (r"rotavap|rotovap|rv_?10|r300", VesselSort.ROTAVAP),
+    (r"centrifuge", VesselSort.CENTRIFUGE),
+    (r"waste", VesselSort.WASTE),
+    (r"separator", VesselSort.SEPARATOR),
+    (r"filter", VesselSort.FILTER),
+    (r"reactor", VesselSort.REACTOR),
+    (r"flask|bottle|vial", VesselSort.FLASK),
 )
 _STIRS = re.compile(
     r"heitorque|rzr_?2052|microstar|stirrer|hot_?plate|rct|ret_?control|ret_?visc|heater_?stirrer"
@@ -144,12 +144,12 @@ class Equipment:
         return sorted(set(self._near.get(key, ())))
 
     @cached_property
-    def vessels(self) -> dict[str, Sort]:
+    def vessels(self) -> dict[str, VesselSort]:
         """Return the vessels with what each is for; sources of gas are none."""
         return {
-            key: Sort.ROTAVAP if self._turning(key) else _sort(element)
+            key: VesselSort.ROTAVAP if self._turning(key) else _sort(element)
             for key, element in sorted(self.elements.items())
-            if element.role is Role.VESSEL and self.gas(key) == ""
+            if element.role is ElementRole.VESSEL and self.gas(key) == ""
         }
 
     def _turning(self, key: str) -> str | None:
@@ -174,7 +174,7 @@ class Equipment:
             tube.source: tube.target
             for tube in sorted(self.rig.tubes, key=lambda tube: tube.key, reverse=True)
             if tube.medium is Medium.GAS
-            and self.elements[tube.source].role is Role.VESSEL
+            and self.elements[tube.source].role is ElementRole.VESSEL
             and self._turning(tube.source)
             and tube.target in self.vessels
         }
@@ -198,8 +198,8 @@ class Equipment:
         found: dict[str, set[tuple[str, str, str]]] = {}
         for tube in self.rig.tubes:
             ends = (self.elements[tube.source], self.elements[tube.target])
-            is_gas = any(end.role in (Role.GAS, Role.VACUUM) for end in ends)
-            is_vacuum = not is_said and any(end.role is Role.VACUUM for end in ends)
+            is_gas = any(end.role in (ElementRole.GAS, ElementRole.VACUUM) for end in ends)
+            is_vacuum = not is_said and any(end.role is ElementRole.VACUUM for end in ends)
             wanted = CARRIES - {Medium.LIQUID} if is_said and is_gas else CARRIES
             if tube.medium in wanted or is_vacuum:
                 there = (tube.source_port, tube.target, tube.target_port)
@@ -214,12 +214,12 @@ class Equipment:
         return {
             key: self.chemical(key)
             for key, element in sorted(self.elements.items())
-            if element.role is Role.CARTRIDGE
+            if element.role is ElementRole.CARTRIDGE
         }
 
-    def sort(self, key: str) -> Sort:
+    def sort(self, key: str) -> VesselSort:
         """Return what a vessel is for."""
-        return self.vessels.get(key, Sort.PLAIN)
+        return self.vessels.get(key, VesselSort.PLAIN)
 
     def chemical(self, key: str) -> str:
         """Return the substance that the graph names at a node."""
@@ -232,10 +232,10 @@ class Equipment:
     def gas(self, key: str) -> str:
         """Return which gas an element gives, "" when it gives none."""
         element = self.elements[key]
-        if element.role is Role.GAS:
+        if element.role is ElementRole.GAS:
             found = next((p["gas_type"] for p in places(element) if p.get("gas_type")), "")
             return GASES.get(str(found).strip().lower(), str(found))
-        if element.role is Role.VESSEL and "flask" in element.kind.lower():
+        if element.role is ElementRole.VESSEL and "flask" in element.kind.lower():
             return GASES.get(self.chemical(key).lower(), "")
         return ""
 
@@ -259,7 +259,7 @@ class Equipment:
 
     def thermostats(self, key: str) -> list[Thermostat]:
         """Return what heats or chills a vessel; a rotary evaporator has its own bath."""
-        if self.sort(key) is Sort.ROTAVAP:
+        if self.sort(key) is VesselSort.ROTAVAP:
             return [_thermostat(self.elements[self.evaporator(key)])]
         return [
             _thermostat(self.elements[near])
@@ -315,7 +315,9 @@ class Equipment:
         """Return the pump of a vacuum line; the line itself when it is one."""
         if is_passive(self.elements[line]):
             near = (self.elements[key] for key in self.near(line))
-            return next((e.key for e in near if e.role is Role.VACUUM and not is_passive(e)), None)
+            return next(
+                (e.key for e in near if e.role is ElementRole.VACUUM and not is_passive(e)), None
+            )
         return line
 
     def drains(self, key: str) -> bool:
@@ -328,17 +330,19 @@ class Equipment:
         )
 
 
-def _sort(element: Element) -> Sort:
+def _sort(element: Element) -> VesselSort:
     words = (element.kind, str(element.attributes.get("type") or ""))
     for word in words:
         for pattern, sort in _SORTS:
             if re.search(pattern, word.lower()):
                 return sort
-    return Sort.PLAIN
+    return VesselSort.PLAIN
 
 
 def _is(element: Element, pattern: re.Pattern[str]) -> bool:
-    return element.role in (Role.OTHER, Role.VACUUM) and bool(pattern.search(element.kind.lower()))
+    return element.role in (ElementRole.OTHER, ElementRole.VACUUM) and bool(
+        pattern.search(element.kind.lower())
+    )
 
 
 def is_passive(element: Element) -> bool:

@@ -9,10 +9,10 @@ from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.matter import Key
 from labweb.domain.recipes.on_rig.meetings import FILM_NL, most_of
 from labweb.domain.recipes.on_rig.moving import keeps_solids
-from labweb.domain.recipes.on_rig.ways import Move
+from labweb.domain.recipes.on_rig.ways import RigMove
 
 
-def flowing(making: Making, move: Move, lot: str = "") -> set[Key]:
+def flowing(making: Making, move: RigMove, lot: str = "") -> set[Key]:
     """Return the lots that a move brings: a filter and a cartridge keep solids back."""
     if lot:
         return {(lot, False)}
@@ -21,7 +21,7 @@ def flowing(making: Making, move: Move, lot: str = "") -> set[Key]:
 
 
 def carried(
-    making: Making, parts: Collection[str], move: Move, coming: Collection[Key]
+    making: Making, parts: Collection[str], move: RigMove, coming: Collection[Key]
 ) -> list[Clash]:
     """List what wets some parts and must not come onto what is in a vessel of the recipe.
 

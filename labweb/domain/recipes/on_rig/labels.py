@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 
 LISTED = 8
 """Most that a message lists."""
@@ -23,7 +23,7 @@ def alike(name: str, equipment: Equipment) -> dict[str, str]:
     """Return flasks whose label looks like a reagent, with the label: for a person to choose."""
     labels: dict[str, list[tuple[str, str]]] = {}
     for key, sort in equipment.vessels.items():
-        if sort in (Sort.FLASK, Sort.PLAIN):
+        if sort in (VesselSort.FLASK, VesselSort.PLAIN):
             for label in held(equipment, key):
                 labels.setdefault(label.casefold(), []).append((key, label))
     near = get_close_matches(name[:80].casefold(), labels, n=1, cutoff=_ALIKE)

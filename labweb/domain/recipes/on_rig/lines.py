@@ -6,14 +6,14 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from labweb.domain.graph.elements import Element, Role
+from labweb.domain.graph.elements import Element, ElementRole
 from labweb.domain.recipes.on_rig.equipment import Equipment
 
-_PASSED = frozenset({Role.VALVE, Role.SOLENOID, Role.MANIFOLD})
+_PASSED = frozenset({ElementRole.VALVE, ElementRole.SOLENOID, ElementRole.MANIFOLD})
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class GasLine:
     """A way to a vacuum line or a source of gas, and where each valve on it must stand."""
 
     end: str
@@ -33,7 +33,7 @@ class _Reached:
 
 def find_line(
     equipment: Equipment, start: str, is_end: Callable[[str], bool], port: str | None = None
-) -> Line | None:
+) -> GasLine | None:
     """Find the line with the fewest tubes; equals are settled by ids. None: there is none."""
     ways = equipment.ways
     queue = deque([_Reached(start, "", (), ())])
@@ -47,17 +47,17 @@ def find_line(
             if there is None:
                 continue
             if is_end(far):
-                return Line(far, there.valves, there.solenoids)
+                return GasLine(far, there.valves, there.solenoids)
             if equipment.elements[far].role in _PASSED and (far, far_port) not in seen:
                 seen.add((far, far_port))
                 queue.append(_Reached(far, far_port, there.valves, there.solenoids))
     return None
 
 
-def vacuum_line(equipment: Equipment, vessel: str, port: str | None = None) -> Line | None:
+def vacuum_line(equipment: Equipment, vessel: str, port: str | None = None) -> GasLine | None:
     """Find the line that joins a vessel to a vacuum; None: there is none."""
     return find_line(
-        equipment, vessel, lambda key: equipment.elements[key].role is Role.VACUUM, port
+        equipment, vessel, lambda key: equipment.elements[key].role is ElementRole.VACUUM, port
     )
 
 
@@ -70,7 +70,10 @@ def drawn_with(equipment: Equipment, pump: str) -> list[str]:
             role = equipment.elements[far].role
             if far in equipment.vessels:
                 found.add(far)
-            elif role in (Role.VACUUM, Role.MANIFOLD, Role.CARTRIDGE) and far not in seen:
+            elif (
+                role in (ElementRole.VACUUM, ElementRole.MANIFOLD, ElementRole.CARTRIDGE)
+                and far not in seen
+            ):
                 seen.add(far)
                 waiting.append(far)
     return sorted(found)
@@ -78,11 +81,11 @@ def drawn_with(equipment: Equipment, pump: str) -> list[str]:
 
 def _through(element: Element, here: _Reached, out_port: str, start: str) -> _Reached | None:
     """Return what must be set to leave an element by a port; None: it cannot be."""
-    if element.key == start or element.role is Role.MANIFOLD:
+    if element.key == start or element.role is ElementRole.MANIFOLD:
         return here
     if out_port == here.port:
         return None
-    if element.role is Role.SOLENOID:
+    if element.role is ElementRole.SOLENOID:
         return _Reached(here.key, here.port, here.valves, (*here.solenoids, element.key))
     position = element.position(here.port, out_port)
     if position is None or any(key == element.key for key, _ in here.valves):
@@ -103,7 +106,7 @@ def resting_port(equipment: Equipment, valve: str, busy: str) -> str | None:
         return free[0]
     for port, ends in sorted(joined.items()):
         is_quiet = all(
-            equipment.elements[end].role is not Role.VACUUM and equipment.gas(end) == ""
+            equipment.elements[end].role is not ElementRole.VACUUM and equipment.gas(end) == ""
             for end in ends
         )
         if port not in (element.common_port, busy) and is_quiet:

@@ -7,23 +7,23 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from labweb.domain.recipes.on_rig.binding import Binding
+from labweb.domain.recipes.on_rig.binding import RigBinding
 from labweb.domain.recipes.on_rig.chemistry import Chemistry
 from labweb.domain.recipes.on_rig.equipment import Equipment
-from labweb.domain.recipes.on_rig.matter import NOTHING, Key, Matter, Portion
+from labweb.domain.recipes.on_rig.matter import NOTHING, Key, Portion, RigMatter
 from labweb.domain.recipes.on_rig.meetings import (
     Amounts,
-    Film,
     Meetings,
     Pour,
+    RigFilm,
     kept_of,
 )
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
-from labweb.domain.recipes.xdl.expansion.reading import default_number
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.markup import NOWHERE, Place
-from labweb.domain.workflows.passes.backbone import Command, Group
-from labweb.domain.workflows.passes.strokes import TURN_S
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.xml_tree import NOWHERE, FilePlace
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import DeviceCommand, Group
+from labweb.domain.workflows.passes.liquids.strokes import TURN_S
 
 BY_HAND, TIMER = "@by_hand", "@timer"
 BESIDE = "async "
@@ -40,7 +40,7 @@ BY_HAND_S = 300.0
 
 
 @dataclass(slots=True, kw_only=True)
-class Draft:
+class StepDraft:
     """One step of the plan."""
 
     of: dict[str, Any]
@@ -65,7 +65,7 @@ class Making:
     """What the handlers of basic operations share."""
 
     equipment: Equipment
-    binding: Binding
+    binding: RigBinding
     told: Findings
     needed_nl: Mapping[str, int] | None = None
     """Flask → how much the whole recipe takes from it; None: it is being counted."""
@@ -75,12 +75,12 @@ class Making:
 
     chemistry: Chemistry = field(default_factory=Chemistry)
 
-    matter: Matter = field(default_factory=Matter)
+    matter: RigMatter = field(default_factory=RigMatter)
     meetings: Meetings = field(default_factory=Meetings)
     leftovers: frozenset[str] = frozenset()
     """Lots that the graph says are in vessels, and the recipe does not know."""
 
-    steps: list[Draft] = field(default_factory=list)
+    steps: list[StepDraft] = field(default_factory=list)
     taken_nl: dict[str, int] = field(default_factory=dict)
     """Flask → how much was taken from it so far."""
 
@@ -90,7 +90,7 @@ class Making:
     wetted: dict[str, frozenset[str]] = field(default_factory=dict)
     """Syringe → lots that were in it last."""
 
-    residues: dict[str, dict[Key, Film]] = field(default_factory=dict)
+    residues: dict[str, dict[Key, RigFilm]] = field(default_factory=dict)
     """Syringe or valve → what may still wet it."""
 
     went: dict[str, dict[Key, frozenset[str]]] = field(default_factory=dict)
@@ -131,7 +131,7 @@ class Making:
     turned: set[str] = field(default_factory=set)
     """Valves that a step has turned: of these it is known how they stand."""
 
-    checks: dict[str, Command] = field(default_factory=dict)
+    checks: dict[str, DeviceCommand] = field(default_factory=dict)
     """What a person has to look at before the next step, by its text."""
 
     temperatures_c: dict[str, float] = field(default_factory=dict)
@@ -177,7 +177,7 @@ class Making:
 
     def add(
         self,
-        place: Place,
+        place: FilePlace,
         does: dict[str, Any],
         actions: list[Group],
         estimate_s: float | None = None,
@@ -193,7 +193,7 @@ class Making:
         }
         named |= set(does.get("also") or ())
         self.turned |= {c["device"] for g in actions for c in g if c["action"] == "set_port"}
-        draft = Draft(
+        draft = StepDraft(
             of=of,
             does={name: value for name, value in does.items() if value is not None},
             actions=actions,
@@ -222,12 +222,12 @@ class Making:
         self.wetted |= dict.fromkeys(drawn, frozenset(lot for lot, _ in kept))
         for part in used_parts(groups):
             left = {
-                lot: Film(film.amount, film.washed_nl + amount_nl)
+                lot: RigFilm(film.amount, film.washed_nl + amount_nl)
                 for lot, film in self.residues.get(part, {}).items()
                 if film.washed_nl + amount_nl < CLEAN_NL
             }
             new = {
-                lot: Film(max(amount, left[lot].amount if lot in left else 0))
+                lot: RigFilm(max(amount, left[lot].amount if lot in left else 0))
                 for lot, amount in kept.items()
             }
             self.residues[part] = left | new
@@ -299,7 +299,7 @@ class Making:
             return None
         return self.bound(wanted, operation.place)
 
-    def bound(self, name: str, place: Place) -> str | None:
+    def bound(self, name: str, place: FilePlace) -> str | None:
         """Return what a name of the recipe is bound to; nothing is left out without a finding."""
         if name in self.binding.vessels:
             return self.binding.vessels[name]
@@ -329,10 +329,10 @@ def used_parts(groups: list[Group]) -> frozenset[str]:
     return frozenset(c["device"] for group in groups for c in group if c["action"] in names)
 
 
-def say(device: str, action: str, **parameters: str | float | None) -> Command:
+def say(device: str, action: str, **parameters: str | float | None) -> DeviceCommand:
     """Make one action; what is None is not named."""
     kept = {name: value for name, value in parameters.items() if value is not None}
-    return Command(device=device, action=action, parameters=kept)
+    return DeviceCommand(device=device, action=action, parameters=kept)
 
 
 def estimate(actions: list[Group]) -> float:
@@ -340,7 +340,7 @@ def estimate(actions: list[Group]) -> float:
     return round(sum(max((_lasts(c) for c in group), default=0.0) for group in actions), 3)
 
 
-def _lasts(command: Command) -> float:
+def _lasts(command: DeviceCommand) -> float:
     given = command["parameters"]
     if command["action"] in ("aspirate", "dispense"):
         return float(given["volume_ul"]) / float(given["rate_ul_s"])

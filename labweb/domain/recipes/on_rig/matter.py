@@ -8,14 +8,14 @@ from fractions import Fraction
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class LotShare:
     """How much of one lot there is: nanolitres of a liquid, micrograms of a solid."""
 
     least: Fraction
     most: Fraction
 
-    def __add__(self, other: Share) -> Share:
-        return Share(self.least + other.least, self.most + other.most)
+    def __add__(self, other: LotShare) -> LotShare:
+        return LotShare(self.least + other.least, self.most + other.most)
 
     @property
     def is_certain(self) -> bool:
@@ -26,16 +26,16 @@ class Share:
 Key = tuple[str, bool]
 """A lot, and whether it is solid."""
 
-Portion = dict[Key, Share]
-NOTHING = Share(Fraction(0), Fraction(0))
+Portion = dict[Key, LotShare]
+NOTHING = LotShare(Fraction(0), Fraction(0))
 
 
-def exactly(amount: int) -> Share:
+def exactly(amount: int) -> LotShare:
     """Return a known amount."""
-    return Share(Fraction(amount), Fraction(amount))
+    return LotShare(Fraction(amount), Fraction(amount))
 
 
-class Matter:
+class RigMatter:
     """The contents of all vessels. A vessel that was never named is empty."""
 
     def __init__(self) -> None:
@@ -43,20 +43,20 @@ class Matter:
         self._layered: set[str] = set()
         """Vessels that were spun: nobody knows which share of a lot is drawn of them."""
 
-    def copy(self) -> Matter:
+    def copy(self) -> RigMatter:
         """Return what is where, to be changed independently."""
-        other = Matter()
+        other = RigMatter()
         other._held = {key: dict(portion) for key, portion in self._held.items()}
         other._layered = set(self._layered)
         return other
 
-    def span(self, other: Matter) -> None:
+    def span(self, other: RigMatter) -> None:
         """Know from now on no more than that it is as here or as there."""
         self._layered |= other._layered
         for key in self._held.keys() | other._held.keys():
             here, there = self.held(key), other.held(key)
             self._held[key] = {
-                lot: Share(
+                lot: LotShare(
                     min(here.get(lot, NOTHING).least, there.get(lot, NOTHING).least),
                     max(here.get(lot, NOTHING).most, there.get(lot, NOTHING).most),
                 )
@@ -71,7 +71,7 @@ class Matter:
         """Return what is in a vessel."""
         return dict(self._held.get(vessel, {}))
 
-    def liquid(self, vessel: str) -> Share:
+    def liquid(self, vessel: str) -> LotShare:
         """Return how much liquid is in a vessel, in nanolitres."""
         shares = [share for (_, is_solid), share in self.held(vessel).items() if not is_solid]
         return sum(shares, NOTHING)
@@ -95,7 +95,7 @@ class Matter:
         held = self._held.get(vessel, {})
         if len(held) == 1:
             ((key, share),) = held.items()
-            held[key] = Share(max(share.least, Fraction(amount_nl)), share.most)
+            held[key] = LotShare(max(share.least, Fraction(amount_nl)), share.most)
 
     def draw(self, vessel: str, amount_nl: int, *, keeps_solids: bool = False) -> Portion:
         """Take a volume out; of known contents its share of each lot, else what it may be."""
@@ -104,9 +104,9 @@ class Matter:
         if len(held) == 1 and wanted <= total.least:
             # Of one liquid alone it is known what is drawn, however much there is.
             (key,) = held
-            left = Share(held[key].least - wanted, held[key].most - wanted)
+            left = LotShare(held[key].least - wanted, held[key].most - wanted)
             self._held[vessel] = {key: left} if left.most else {}
-            return {key: Share(wanted, wanted)}
+            return {key: LotShare(wanted, wanted)}
         is_known = vessel not in self._layered and all(share.is_certain for share in held.values())
         taken: Portion = {}
         for key, share in list(held.items()):
@@ -115,13 +115,13 @@ class Matter:
             if is_known and total.most:
                 part = share.most * min(wanted / total.most, Fraction(1))
                 taken[key], held[key] = (
-                    Share(part, part),
-                    Share(share.most - part, share.most - part),
+                    LotShare(part, part),
+                    LotShare(share.most - part, share.most - part),
                 )
             elif not is_known:
                 taken[key] = _drawn(key, share, wanted, total)
                 least = Fraction(0) if key[1] else max(share.least - wanted, Fraction(0))
-                held[key] = Share(least, share.most - taken[key].least)
+                held[key] = LotShare(least, share.most - taken[key].least)
         self._forget(vessel)
         return taken
 
@@ -140,7 +140,7 @@ class Matter:
         """Take all out as two phases: each lot may be in either, so each is told as at most."""
         whole = self.held(vessel)
         self._held[vessel] = {}
-        return {key: Share(Fraction(0), share.most) for key, share in whole.items()}
+        return {key: LotShare(Fraction(0), share.most) for key, share in whole.items()}
 
     def loosen(self, vessel: str) -> Portion:
         """Let liquids boil off: what stays and what goes are each at most what there was."""
@@ -148,7 +148,7 @@ class Matter:
         gone: Portion = {}
         for key, share in held.items():
             if not key[1]:
-                gone[key] = held[key] = Share(Fraction(0), share.most)
+                gone[key] = held[key] = LotShare(Fraction(0), share.most)
         return gone
 
     def _forget(self, vessel: str) -> None:
@@ -158,18 +158,18 @@ class Matter:
             self._layered.discard(vessel)
 
 
-def _drawn(key: Key, share: Share, wanted: Fraction, total: Share) -> Share:
+def _drawn(key: Key, share: LotShare, wanted: Fraction, total: LotShare) -> LotShare:
     """Return what of one lot comes along where nobody knows how the contents are mixed.
 
     At least what all the other liquids together cannot make up, for the volume is drawn in full.
     """
     if key[1]:
-        return Share(Fraction(0), share.most)
+        return LotShare(Fraction(0), share.most)
     most = min(share.most, wanted)
     if wanted > total.least:
-        return Share(Fraction(0), most)
+        return LotShare(Fraction(0), most)
     others = total.most - share.most
-    return Share(min(max(wanted - others, Fraction(0)), share.least), most)
+    return LotShare(min(max(wanted - others, Fraction(0)), share.least), most)
 
 
 def plain(portion: Portion) -> list[dict[str, str | float]]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from labweb.domain.recipes.on_rig.matter import Key, Portion
-from labweb.domain.recipes.xdl.expansion.reading import default_number
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
 
 Amount = Fraction | int | float
 Amounts = Mapping[Key, Amount]
@@ -27,7 +27,7 @@ FILM_NL = int(1_000_000 * default_number("rinse.volume")) // _TENTH
 
 
 @dataclass(frozen=True, slots=True)
-class Film:
+class RigFilm:
     """What wets a syringe or valve with one lot."""
 
     amount: Amount
@@ -36,9 +36,9 @@ class Film:
     washed_nl: int = 0
     """How much of others has gone over since."""
 
-    def or_else(self, other: Film) -> Film:
+    def or_else(self, other: RigFilm) -> RigFilm:
         """Return what is there at most when it is this or the other."""
-        return Film(max(self.amount, other.amount), min(self.washed_nl, other.washed_nl))
+        return RigFilm(max(self.amount, other.amount), min(self.washed_nl, other.washed_nl))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,16 +7,16 @@ from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
-from labweb.domain.graph.elements import Role
-from labweb.domain.recipes.on_rig.equipment import Sort
+from labweb.domain.graph.elements import ElementRole
+from labweb.domain.recipes.on_rig.equipment import VesselSort
 from labweb.domain.recipes.on_rig.making import BY_HAND, Making, say, used_parts
 from labweb.domain.recipes.on_rig.matter import Portion, exactly, micro
 from labweb.domain.recipes.on_rig.meetings import most_of
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
-from labweb.domain.recipes.on_rig.ways import Move, route
-from labweb.domain.recipes.xdl.markup import Place
+from labweb.domain.recipes.on_rig.ways import RigMove, route
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 from labweb.domain.units import render_volume
-from labweb.domain.workflows.passes.backbone import Command, Group
+from labweb.domain.workflows.passes.liquids.stroke_pipeline import DeviceCommand, Group
 
 NL_PER_ML = 1_000_000
 GRAINS = NL_PER_ML
@@ -29,13 +29,13 @@ MOST_PARTS = 500
 """Most times that a person empties a waste for one move."""
 
 
-def conductors(making: Making, name: str, place: Place) -> tuple[str, ...] | None:
+def conductors(making: Making, name: str, place: FilePlace) -> tuple[str, ...] | None:
     """Return the cartridge that is meant: by its id, or by its filling; None is told."""
     if not name:
         return ()
     known = making.equipment.cartridges
     element = making.equipment.elements.get(name)
-    if name in known or (element is not None and element.role is Role.MANIFOLD):
+    if name in known or (element is not None and element.role is ElementRole.MANIFOLD):
         return (name,)
     found = [key for key, filling in known.items() if filling == name]
     if name in making.binding.fillings:
@@ -51,12 +51,12 @@ def conductors(making: Making, name: str, place: Place) -> tuple[str, ...] | Non
     return None
 
 
-def nanolitres(making: Making, volume_ml: Any, place: Place) -> int | None:  # noqa: ANN401
+def nanolitres(making: Making, volume_ml: Any, place: FilePlace) -> int | None:  # noqa: ANN401
     """Return a volume of a recipe; None: it is no volume that can be moved, which is told."""
     return on_grid(making, Decimal(volume_ml), "mL", place)
 
 
-def on_grid(making: Making, amount: Decimal, unit: str, place: Place) -> int | None:
+def on_grid(making: Making, amount: Decimal, unit: str, place: FilePlace) -> int | None:
     """Return mL as nanolitres, or g as micrograms; None: it is no whole number, which is told."""
     grains, said = Fraction(amount) * GRAINS, f"{amount.normalize():f} {unit}"
     if grains <= 0:
@@ -77,11 +77,11 @@ def on_grid(making: Making, amount: Decimal, unit: str, place: Place) -> int | N
     return None
 
 
-def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> None:
+def move_volume(making: Making, move: RigMove, amount_nl: int, lot: str = "") -> None:
     """Move a volume: in as many parts as flask and waste ask for."""
     if is_under_vacuum(making, move.place, move.source, move.target):
         return
-    is_waste = making.equipment.sort(move.target) is Sort.WASTE
+    is_waste = making.equipment.sort(move.target) is VesselSort.WASTE
     if is_waste and _overfills(making, move, amount_nl):
         return
     fits = is_waste or look_for_room(making, move, Fraction(amount_nl), Fraction(amount_nl))
@@ -106,7 +106,7 @@ def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> No
         left -= part
 
 
-def is_drawn_dry(making: Making, move: Move) -> bool:
+def is_drawn_dry(making: Making, move: RigMove) -> bool:
     """Tell whether all of a vessel is asked for that steps before have emptied; that is noted."""
     if move.source in making.lost or not making.matter.is_empty_again(move.source):
         return False
@@ -115,7 +115,7 @@ def is_drawn_dry(making: Making, move: Move) -> bool:
     return True
 
 
-def move_all(making: Making, move: Move) -> None:
+def move_all(making: Making, move: RigMove) -> None:
     """Move all liquid of a vessel, drawing until nothing more comes."""
     if is_under_vacuum(making, move.place, move.source, move.target):
         return
@@ -132,7 +132,7 @@ def move_all(making: Making, move: Move) -> None:
         making.told.tell("plan.nothing_there", message, move.place)
         return
     capacity = making.capacity_nl(move.target)
-    is_waste = making.equipment.sort(move.target) is Sort.WASTE
+    is_waste = making.equipment.sort(move.target) is VesselSort.WASTE
     if is_waste and _overfills(making, move, int(liquid.most)):
         return
     while is_waste and capacity and liquid.is_certain and liquid.most > capacity:
@@ -155,7 +155,7 @@ def move_all(making: Making, move: Move) -> None:
     _finish(making, move, portion, does, until(groups, "empty"))
 
 
-def _overfills(making: Making, move: Move, amount_nl: int) -> bool:
+def _overfills(making: Making, move: RigMove, amount_nl: int) -> bool:
     """Tell whether a waste would have to be emptied too often for a move, which is then told."""
     capacity = making.capacity_nl(move.target)
     if not capacity or amount_nl <= MOST_PARTS * capacity:
@@ -175,15 +175,15 @@ def until(groups: list[Group], end: str) -> list[Group]:
     return [[_until(c, end) if c["device"] == first else c for c in group] for group in groups]
 
 
-def _until(command: Command, end: str) -> Command:
+def _until(command: DeviceCommand, end: str) -> DeviceCommand:
     if command["action"] != "aspirate":
         return command
     parameters = {**command["parameters"], "until": end}
-    return Command(device=command["device"], action=command["action"], parameters=parameters)
+    return DeviceCommand(device=command["device"], action=command["action"], parameters=parameters)
 
 
 def _finish(
-    making: Making, move: Move, portion: Portion, does: dict[str, Any], groups: list[Group]
+    making: Making, move: RigMove, portion: Portion, does: dict[str, Any], groups: list[Group]
 ) -> None:
     brought = making.traces_out_of(move.source, portion)
     film = making.film(used_parts(groups), most_of(portion), move.target, brought)
@@ -210,7 +210,7 @@ def rejoin(making: Making, groups: list[Group]) -> list[Group]:
     return [back] if back else []
 
 
-def _supply(making: Making, move: Move, wanted_nl: int, lot: str) -> int:
+def _supply(making: Making, move: RigMove, wanted_nl: int, lot: str) -> int:
     """See to it that a flask holds what is to be drawn; return how much of it at once."""
     held = making.matter.liquid(move.source).least
     capacity = making.capacity_nl(move.source)
@@ -226,7 +226,7 @@ def _supply(making: Making, move: Move, wanted_nl: int, lot: str) -> int:
     return min(wanted_nl, int(making.matter.liquid(move.source).least))
 
 
-def fill(making: Making, flask: str, lot: str, needed_nl: int, place: Place) -> None:
+def fill(making: Making, flask: str, lot: str, needed_nl: int, place: FilePlace) -> None:
     """Let a person fill a flask with what is still needed, as far as it holds it.
 
     Where more may be left in it than is sure, a person first sees that there is room.
@@ -249,7 +249,7 @@ def fill(making: Making, flask: str, lot: str, needed_nl: int, place: Place) -> 
         making.add(place, does, [*looks, [action]])
 
 
-def _holds(making: Making, move: Move, amount_nl: int) -> bool:
+def _holds(making: Making, move: RigMove, amount_nl: int) -> bool:
     liquid = making.matter.liquid(move.source)
     if move.source in making.lost:
         making.lost.add(move.target)
@@ -269,7 +269,7 @@ def _holds(making: Making, move: Move, amount_nl: int) -> bool:
     return False
 
 
-def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -> bool:
+def look_for_room(making: Making, move: RigMove, least: Fraction, most: Fraction) -> bool:
     """Look for room in the target: empty a waste, ask where nobody knows, refuse what overflows.
 
     Returns:
@@ -280,7 +280,7 @@ def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -
         return True
     if capacity is None or held.most + most <= capacity:
         return True
-    if making.equipment.sort(move.target) is Sort.WASTE and most <= capacity:
+    if making.equipment.sort(move.target) is VesselSort.WASTE and most <= capacity:
         empty(making, move.target, move.place)
         return True
     if held.least + least <= capacity:
@@ -297,7 +297,7 @@ def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -
     return False
 
 
-def empty(making: Making, vessel: str, place: Place) -> None:
+def empty(making: Making, vessel: str, place: FilePlace) -> None:
     """Let a person empty a waste."""
     making.matter.empty(vessel)
     making.meetings.forget(vessel)
@@ -306,15 +306,15 @@ def empty(making: Making, vessel: str, place: Place) -> None:
         making.add(place, {"kind": "empty", "vessel": vessel}, [[action]])
 
 
-def keeps_solids(making: Making, move: Move) -> bool:
+def keeps_solids(making: Making, move: RigMove) -> bool:
     """Tell whether what a move leaves behind are the solids on a filter."""
-    if making.equipment.sort(move.source) is not Sort.FILTER:
+    if making.equipment.sort(move.source) is not VesselSort.FILTER:
         return False
     element = making.equipment.elements[move.source]
     return (move.source_port or element.leave_by or "bottom") == "bottom"
 
 
-def is_under_vacuum(making: Making, place: Place, *vessels: str) -> bool:
+def is_under_vacuum(making: Making, place: FilePlace, *vessels: str) -> bool:
     """Tell whether nothing can be put into or taken out of a vessel, which is then told."""
     for vessel in vessels:
         key = vessel.partition("#")[0]

@@ -8,22 +8,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from labweb.domain.graph.chain import Chain
-from labweb.domain.graph.network import Hop
-from labweb.domain.recipes.on_rig.equipment import INERT, Sort
+from labweb.domain.graph.port_network import Hop
+from labweb.domain.graph.syringe_chain import SyringeChain
+from labweb.domain.recipes.on_rig.equipment import INERT, VesselSort
 from labweb.domain.recipes.on_rig.making import Making, used_parts
 from labweb.domain.recipes.on_rig.matter import micro
 from labweb.domain.recipes.on_rig.moving import move_volume, rejoin
 from labweb.domain.recipes.on_rig.rinsing import clear, rinse
 from labweb.domain.recipes.on_rig.wastes import choose_waste
-from labweb.domain.recipes.on_rig.ways import Move, chain_of, route
-from labweb.domain.recipes.xdl.expansion.reading import default_number
+from labweb.domain.recipes.on_rig.ways import RigMove, chain_of, route
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
 from labweb.domain.units import render_volume
 
 _TUBE_VOLUMES = int(default_number("prime.tube_volumes"))
 
 
-def prime(making: Making, move: Move, lot: str) -> None:
+def prime(making: Making, move: RigMove, lot: str) -> None:
     """Fill a tube of a flask, before the first volume that is drawn through it, into a waste."""
     chain = chain_of(making, move.source, move.target) if making.primes else None
     if chain is None:
@@ -35,12 +35,12 @@ def prime(making: Making, move: Move, lot: str) -> None:
     making.primed.add((move.source, tube))
     over = chain.hops[0].end
 
-    def way(waste: str) -> Chain | None:
+    def way(waste: str) -> SyringeChain | None:
         found = chain_of(making, move.source, waste, over)
         is_same = found is not None and _drawn_through(found, move.source) == tube
         return found if is_same else None
 
-    into = Move(
+    into = RigMove(
         source=move.source,
         target="",
         place=move.place,
@@ -67,13 +67,13 @@ def prime(making: Making, move: Move, lot: str) -> None:
     clear(making, move, lot)
 
 
-def recover(making: Making, move: Move) -> None:
+def recover(making: Making, move: RigMove) -> None:
     """Push what is left in the tube to a vessel into it, by gas that takes the same tube.
 
     No solvent is taken for it: that would change what is in the vessel, and the recipe says it
     (`rinsing_solvent`).
     """
-    is_waste = making.equipment.sort(move.target) is Sort.WASTE
+    is_waste = making.equipment.sort(move.target) is VesselSort.WASTE
     if not making.primes or is_waste or move.through:
         return
     chain = chain_of(making, move.source, move.target)
@@ -87,7 +87,7 @@ def recover(making: Making, move: Move) -> None:
         if way is None or _at_end(way.hops[-1], move.target)[0] != tubes:
             continue
         amount = _TUBE_VOLUMES * left
-        push = Move(source=gas, target=move.target, place=move.place)
+        push = RigMove(source=gas, target=move.target, place=move.place)
         clear(making, push)
         groups = route(making, push, amount)
         if groups is not None:
@@ -103,7 +103,7 @@ def recover(making: Making, move: Move) -> None:
     )
 
 
-def _drawn_through(chain: Chain, flask: str) -> frozenset[frozenset[tuple[str, str]]]:
+def _drawn_through(chain: SyringeChain, flask: str) -> frozenset[frozenset[tuple[str, str]]]:
     """Return the tubes at a flask that the first stroke of a way draws through, by their ends."""
     owner = flask.partition("#")[0]
     return frozenset(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.recipe import Procedure, Reagent
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.recipe_model import Procedure, Reagent
 
 _UNDONE = (
     *("atmosphere", "clean_with", "cleaning_solvent", "incompatible_reagents", "preserve"),

@@ -6,14 +6,14 @@ from collections.abc import Collection, Mapping
 from itertools import pairwise, permutations
 from math import inf
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import ElementRole
 from labweb.domain.recipes.on_rig.chemistry import Clash
-from labweb.domain.recipes.on_rig.equipment import INERT, Sort
+from labweb.domain.recipes.on_rig.equipment import INERT, VesselSort
 from labweb.domain.recipes.on_rig.films import carried, flowing, is_barred, unwelcome
 from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.matter import Key, micro
 from labweb.domain.recipes.on_rig.matter import lots as names
-from labweb.domain.recipes.on_rig.meetings import Film, Pour, most_of
+from labweb.domain.recipes.on_rig.meetings import Pour, RigFilm, most_of
 from labweb.domain.recipes.on_rig.moving import move_volume, nanolitres
 from labweb.domain.recipes.on_rig.wastes import (
     choose_waste,
@@ -23,10 +23,10 @@ from labweb.domain.recipes.on_rig.wastes import (
     tell_clash,
     tell_trace,
 )
-from labweb.domain.recipes.on_rig.ways import Move, chain_of, parts_of, route
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation
-from labweb.domain.recipes.xdl.expansion.reading import default_number
-from labweb.domain.recipes.xdl.markup import Place
+from labweb.domain.recipes.on_rig.ways import RigMove, chain_of, parts_of, route
+from labweb.domain.recipes.xdl.expansion.act_reading import default_number
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 
 def rinse_lines(making: Making, operation: BasicOperation) -> None:
@@ -41,7 +41,7 @@ def rinse_lines(making: Making, operation: BasicOperation) -> None:
         return
     amount = nanolitres(making, volume, operation.place)
     moves = {
-        key: Move(source=flasks[0], target=key, place=operation.place, kind="clean")
+        key: RigMove(source=flasks[0], target=key, place=operation.place, kind="clean")
         for key in _wastes(making)
     }
     waste = choose_waste(making, flasks[0], operation.place, way=lambda key: moves[key])
@@ -54,7 +54,7 @@ def rinse_lines(making: Making, operation: BasicOperation) -> None:
 
 
 def _wastes(making: Making) -> list[str]:
-    return [key for key, sort in making.equipment.vessels.items() if sort is Sort.WASTE]
+    return [key for key, sort in making.equipment.vessels.items() if sort is VesselSort.WASTE]
 
 
 FLUSH_NL = 5_000_000
@@ -78,7 +78,7 @@ def flush_lines(making: Making, operation: BasicOperation) -> None:
         known = [(len(chain.pumps), gas) for chain, gas in ways if chain is not None]
         if not known:
             continue
-        move = Move(source=min(known)[1], target=waste, place=operation.place)
+        move = RigMove(source=min(known)[1], target=waste, place=operation.place)
         film = film_of(making, move)
         clash = clash_at(making, waste, film)
         if clash is not None:
@@ -105,7 +105,7 @@ _REPEATS, _HARD_REPEATS = (
 )
 
 
-def rinse(making: Making, move: Move, lot: str) -> None:
+def rinse(making: Making, move: RigMove, lot: str) -> None:
     """Rinse the syringes of a move that another liquid was in, where a reagent for it is named."""
     clear(making, move, lot)
     chain = chain_of(making, move.source, move.target) if making.rinses else None
@@ -129,7 +129,7 @@ def rinse(making: Making, move: Move, lot: str) -> None:
             making.note(f"{key} is not rinsed: no way from {flask} to a waste leads over it")
 
 
-def clear(making: Making, move: Move, lot: str = "", among: Collection[Move] = ()) -> None:
+def clear(making: Making, move: RigMove, lot: str = "", among: Collection[RigMove] = ()) -> None:
     """Wash what must not meet the next liquid out of the syringes and valves on its way.
 
     Nor may what wets them meet what is in its vessel, if that is one of the recipe. Moves among
@@ -173,7 +173,7 @@ def clear(making: Making, move: Move, lot: str = "", among: Collection[Move] = (
 
 
 def _look_at_film(
-    making: Making, move: Move, parts: Collection[str], lots: Collection[Key]
+    making: Making, move: RigMove, parts: Collection[str], lots: Collection[Key]
 ) -> None:
     """Tell what still wets the lines and must not come onto what is in a vessel of the recipe."""
     clash = next(iter(carried(making, parts, move, lots)), None)
@@ -195,7 +195,7 @@ def _look_at_film(
     making.told.tell("plan.no_rinse", message, move.place, **facts)
 
 
-def _is_barred(making: Making, reagent: str, moves: Collection[Move]) -> bool:
+def _is_barred(making: Making, reagent: str, moves: Collection[RigMove]) -> bool:
     """Tell whether a rinse would leave what must not go on into a vessel of the recipe."""
     if not making.meetings.is_any:
         return False
@@ -204,7 +204,7 @@ def _is_barred(making: Making, reagent: str, moves: Collection[Move]) -> bool:
     return any(is_barred(making, reagent, end, parts) for end in ends)
 
 
-def _coming(making: Making, move: Move, lot: str) -> Pour:
+def _coming(making: Making, move: RigMove, lot: str) -> Pour:
     """Return what comes next; nobody has said yet how much of it."""
     held = making.matter.held(move.source)
     lots = {(lot, False)} if lot else most_of(held).keys()
@@ -217,7 +217,7 @@ def _fouls(making: Making, part: str, target: str, coming: Pour) -> bool:
     return making.meetings.keeps_apart(target) and clash_at(making, target, film) is not None
 
 
-def _meant(making: Making, move: Move) -> frozenset[Key]:
+def _meant(making: Making, move: RigMove) -> frozenset[Key]:
     """Return what the recipe brings the next liquid onto."""
     is_waste = making.meetings.keeps_apart(move.target)
     return frozenset(() if is_waste else most_of(making.matter.held(move.target)))
@@ -225,7 +225,7 @@ def _meant(making: Making, move: Move) -> frozenset[Key]:
 
 def _note_meant(
     making: Making,
-    move: Move,
+    move: RigMove,
     parts: Collection[str],
     coming: Pour,
     meant: Collection[Key],
@@ -246,13 +246,13 @@ def _clash(making: Making, part: str, coming: Pour, meant: Collection[Key] = ())
     return _told(making, {lot: film for lot, film in films.items() if lot not in meant}, coming)
 
 
-def _told(making: Making, films: Mapping[Key, Film], coming: Pour) -> Clash | None:
+def _told(making: Making, films: Mapping[Key, RigFilm], coming: Pour) -> Clash | None:
     found = making.meetings.first_on({lot: film.amount for lot, film in films.items()}, coming)
     return None if found is None else making.chemistry.told(*found)
 
 
 def _solvents(
-    making: Making, residue: Collection[str], coming: Collection[str], moves: Collection[Move]
+    making: Making, residue: Collection[str], coming: Collection[str], moves: Collection[RigMove]
 ) -> tuple[str, ...]:
     """Return what leads from a residue to the next liquid: one solvent, else two, each declared."""
     known = [name for name in making.rinses if making.chemistry.groups.get(name)]
@@ -266,14 +266,16 @@ def _solvents(
 
 
 def _wash(
-    making: Making, reagent: str, dirty: Collection[str], place: Place, repeats: int
+    making: Making, reagent: str, dirty: Collection[str], place: FilePlace, repeats: int
 ) -> set[str]:
     """Rinse syringes and valves with a reagent into a waste; return those that it does not reach.
 
     It goes over nothing and into nothing that it must not meet.
     """
     left = set(dirty)
-    pumps = [part for part in sorted(dirty) if making.equipment.elements[part].role is Role.PUMP]
+    pumps = [
+        part for part in sorted(dirty) if making.equipment.elements[part].role is ElementRole.PUMP
+    ]
     for over in (None, *pumps):
         if over is not None and over not in left:
             continue
@@ -289,7 +291,7 @@ def _wash(
 
 
 def _worth(
-    making: Making, way: tuple[Move, frozenset[str]], left: Collection[str]
+    making: Making, way: tuple[RigMove, frozenset[str]], left: Collection[str]
 ) -> tuple[int, int, str]:
     """Rank a way: how much it cleans, and into a waste that has what wets the lines already."""
     move, parts = way
@@ -298,13 +300,13 @@ def _worth(
 
 
 def _rinse_ways(
-    making: Making, reagent: str, place: Place, over: str | None
-) -> list[tuple[Move, frozenset[str]]]:
+    making: Making, reagent: str, place: FilePlace, over: str | None
+) -> list[tuple[RigMove, frozenset[str]]]:
     """Return the ways of a rinse into wastes that take it, each with what it goes over."""
     flask = making.binding.reagents[reagent][0]
     ways = []
     for waste in _wastes(making):
-        move = Move(source=flask, target=waste, place=place, kind="clean", over=over)
+        move = RigMove(source=flask, target=waste, place=place, kind="clean", over=over)
         parts = parts_of(making, move)
         solvent = Pour({(reagent, False): inf})
         film = making.film(parts, solvent.amounts)
@@ -315,7 +317,7 @@ def _rinse_ways(
     return ways
 
 
-def _rinse_once(making: Making, move: Move, lot: str, amount_nl: int) -> None:
+def _rinse_once(making: Making, move: RigMove, lot: str, amount_nl: int) -> None:
     making.rinsed_nl[lot] = making.rinsed_nl.get(lot, 0) + amount_nl
     with making.naming("Rinse"):
         move_volume(making, move, amount_nl, lot=lot)

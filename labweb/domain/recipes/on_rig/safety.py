@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from labweb.domain.recipes.on_rig import conditions, gases, instruments
 from labweb.domain.recipes.on_rig.making import Making
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Kind
+from labweb.domain.recipes.on_rig.steps import conditions, gases, instruments
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind, BasicOperation
 
 _STOPS = {
-    "light": (Kind.STOP_LIGHT, conditions.stop_light),
-    "sonicate": (Kind.STOP_ULTRASOUND, instruments.stop_ultrasound),
-    "heat": (Kind.STOP_TEMPERATURE, conditions.stop_temperature),
-    "vacuum": (Kind.STOP_VACUUM, gases.stop_vacuum),
-    "gas": (Kind.STOP_GAS, gases.stop_gas),
-    "lower": (Kind.RAISE_FLASK, conditions.raise_flask),
-    "rotate": (Kind.STOP_ROTATION, conditions.stop_rotation),
-    "stir": (Kind.STOP_STIR, conditions.stop_stir),
+    "light": (BasicKind.STOP_LIGHT, conditions.stop_light),
+    "sonicate": (BasicKind.STOP_ULTRASOUND, instruments.stop_ultrasound),
+    "heat": (BasicKind.STOP_TEMPERATURE, conditions.stop_temperature),
+    "vacuum": (BasicKind.STOP_VACUUM, gases.stop_vacuum),
+    "gas": (BasicKind.STOP_GAS, gases.stop_gas),
+    "lower": (BasicKind.RAISE_FLASK, conditions.raise_flask),
+    "rotate": (BasicKind.STOP_ROTATION, conditions.stop_rotation),
+    "stir": (BasicKind.STOP_STIR, conditions.stop_stir),
 }
 """What stops each sort of what runs: heat and vacuum before what keeps liquid moving."""
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from labweb.domain.recipes.on_rig.making import BESIDE, Draft
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.markup import Place
+from labweb.domain.recipes.on_rig.making import BESIDE, StepDraft
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 MOST_S = 1e9
 """No plan takes longer than 31 years."""
 
 
-def earlier_steps(steps: Sequence[Draft]) -> list[list[int]]:
+def earlier_steps(steps: Sequence[StepDraft]) -> list[list[int]]:
     """Return, for each step, the places of those that must have ended before it begins.
 
     Steps of one queue follow each other. A step of the root queue waits for all queues, and they
@@ -37,7 +37,7 @@ def earlier_steps(steps: Sequence[Draft]) -> list[list[int]]:
     return found
 
 
-def critical_path_s(steps: Sequence[Draft], earlier: Sequence[Sequence[int]]) -> float:
+def critical_path_s(steps: Sequence[StepDraft], earlier: Sequence[Sequence[int]]) -> float:
     """Return how long the plan takes when every step begins as soon as it may."""
     ends: list[float] = []
     for step, after in zip(steps, earlier, strict=True):
@@ -45,7 +45,7 @@ def critical_path_s(steps: Sequence[Draft], earlier: Sequence[Sequence[int]]) ->
     return round(max(ends, default=0.0), 3)
 
 
-def check_duration(steps: Sequence[Draft], told: Findings) -> None:
+def check_duration(steps: Sequence[StepDraft], told: Findings) -> None:
     """Refuse what would take longer than anybody waits, by the step that takes the longest."""
     lasts_s = sum(step.estimate_s for step in steps)
     if lasts_s <= MOST_S:
@@ -55,5 +55,5 @@ def check_duration(steps: Sequence[Draft], told: Findings) -> None:
         f"the plan would take {lasts_s:.3g} s, and may take {MOST_S:.3g} s; the longest step is "
         f"{longest.of['operation']} with {longest.estimate_s:.3g} s"
     )
-    place = Place(line=longest.of.get("line", 0), column=longest.of.get("column", 0))
+    place = FilePlace(line=longest.of.get("line", 0), column=longest.of.get("column", 0))
     told.tell("unit.too_large", message, place)

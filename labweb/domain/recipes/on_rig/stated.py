@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.rig.elements import decimal
+from labweb.domain.graph.rig.nodes_as_elements import decimal
 from labweb.domain.recipes.on_rig.equipment import Equipment, places
 
 

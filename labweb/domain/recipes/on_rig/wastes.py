@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from math import inf
 
-from labweb.domain.graph.chain import Chain
+from labweb.domain.graph.syringe_chain import SyringeChain
 from labweb.domain.recipes.on_rig.chemistry import Clash
-from labweb.domain.recipes.on_rig.equipment import Sort
+from labweb.domain.recipes.on_rig.equipment import VesselSort
 from labweb.domain.recipes.on_rig.making import Making
 from labweb.domain.recipes.on_rig.matter import Key, Portion
 from labweb.domain.recipes.on_rig.matter import lots as names
 from labweb.domain.recipes.on_rig.meetings import NO_FILM, Pour, most_of
-from labweb.domain.recipes.on_rig.ways import Move, chain_of, parts_of
-from labweb.domain.recipes.xdl.markup import Place
+from labweb.domain.recipes.on_rig.ways import RigMove, chain_of, parts_of
+from labweb.domain.recipes.xdl.file_format.xml_tree import FilePlace
 
 
 def choose_waste(
     making: Making,
     source: str,
-    place: Place,
+    place: FilePlace,
     lots: Collection[str] | None = None,
-    way: Callable[[str], Move] | None = None,
-    chain: Callable[[str], Chain | None] | None = None,
+    way: Callable[[str], RigMove] | None = None,
+    chain: Callable[[str], SyringeChain | None] | None = None,
 ) -> str | None:
     """Choose the nearest waste that may take what comes from a vessel.
 
@@ -41,7 +41,7 @@ def choose_waste(
     """
     flows = {(lot, False): inf for lot in lots or ()}
     coming = _leaving(making, source) if lots is None else Pour(flows)
-    wastes = [key for key, sort in making.equipment.vessels.items() if sort is Sort.WASTE]
+    wastes = [key for key, sort in making.equipment.vessels.items() if sort is VesselSort.WASTE]
     ways = {key: chain_of(making, source, key) if chain is None else chain(key) for key in wastes}
     reached = {key: len(found.pumps) for key, found in ways.items() if found is not None}
     if not reached:
@@ -54,7 +54,7 @@ def choose_waste(
     if free:
 
         def rank(waste: str) -> tuple[bool, int, str]:
-            move = Move(source=source, target=waste, place=place) if way is None else way(waste)
+            move = RigMove(source=source, target=waste, place=place) if way is None else way(waste)
             film = film_of(making, move, coming.amounts)
             return clash_at(making, waste, film) is not None, reached[waste], waste
 
@@ -71,7 +71,7 @@ def choose_waste(
 
 def _leaving(making: Making, source: str) -> Pour:
     """Return what may leave a vessel: of a filter no solid, of a flask its reagent."""
-    keeps = making.equipment.sort(source) is Sort.FILTER
+    keeps = making.equipment.sort(source) is VesselSort.FILTER
     held = making.matter.held(source)
     found = most_of({key: share for key, share in held.items() if not (keeps and key[1])})
     if source not in making.binding.vessels.values():
@@ -80,7 +80,7 @@ def _leaving(making: Making, source: str) -> Pour:
     return Pour(found, making.meetings.of(source))
 
 
-def film_of(making: Making, move: Move, coming: Collection[Key] = ()) -> Pour:
+def film_of(making: Making, move: RigMove, coming: Collection[Key] = ()) -> Pour:
     """Return what wets the syringes and valves of a move, beside what comes over them."""
     if not making.meetings.is_any:
         return Pour({})
@@ -108,7 +108,7 @@ def look_at_meeting(
     source: str,
     target: str,
     portion: Portion,
-    place: Place,
+    place: FilePlace,
     film: Pour = NO_FILM,
 ) -> None:
     """Tell what a vessel must not get, and note what wetted the lines as something that it gets.
@@ -134,7 +134,7 @@ def look_at_meeting(
         lots = {*names(portion), *names(film.amounts)}
         making.met_traces.add(wet.coming)
         tell_clash(making, "what wets the lines", target, wet, place, lots)
-    elif making.equipment.sort(target) is Sort.WASTE and not takes(making, target, certain):
+    elif making.equipment.sort(target) is VesselSort.WASTE and not takes(making, target, certain):
         _tell_stream(making, source, [target], certain, place)
     making.meetings.pour(target, film)
 
@@ -159,7 +159,7 @@ def _clash_of_left(making: Making, source: str, target: str, portion: Portion) -
 
 
 def _look_at_traces(
-    making: Making, source: str, target: str, portion: Portion, place: Place
+    making: Making, source: str, target: str, portion: Portion, place: FilePlace
 ) -> None:
     """Tell what comes onto something that wet lines have brought into a vessel before."""
     traces = making.meetings.traces(target, making.matter.held(target))
@@ -172,7 +172,7 @@ def _look_at_traces(
                 return
 
 
-def tell_trace(making: Making, vessel: str, clash: Clash, place: Place) -> None:
+def tell_trace(making: Making, vessel: str, clash: Clash, place: FilePlace) -> None:
     """Tell that something comes onto what wet lines have brought into a vessel."""
     message = (
         f"{clash}, which wetted the lines when something else went into {vessel} before: name a "
@@ -188,7 +188,7 @@ def tell_clash(
     source: str,
     waste: str,
     clash: Clash,
-    place: Place,
+    place: FilePlace,
     lots: Collection[str] = (),
 ) -> None:
     """Tell what must not meet in a vessel, and what would cure it; `lots` come with the one."""
@@ -197,7 +197,7 @@ def tell_clash(
         "brought as much of the two together: give the rig another waste, let a person empty this "
         "one before, or make the one harmless in the recipe first"
     )
-    is_waste = making.equipment.vessels.get(waste) is Sort.WASTE
+    is_waste = making.equipment.vessels.get(waste) is VesselSort.WASTE
     streams = making.chemistry.streams({clash.coming, *lots}) if making.chemistry.takes else ()
     facts: dict[str, object] = {"there": clash.there, "coming": clash.coming}
     facts |= {"is_waste": is_waste, "streams": sorted(streams)}
@@ -205,7 +205,7 @@ def tell_clash(
 
 
 def _tell_stream(
-    making: Making, source: str, wastes: list[str], coming: Collection[str], place: Place
+    making: Making, source: str, wastes: list[str], coming: Collection[str], place: FilePlace
 ) -> None:
     chemistry = making.chemistry
     unknown = chemistry.unknown(coming)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from labweb.domain.resources.labware.definition import Footprint, Seat, Vector
-from labweb.domain.resources.labware.reader import FARTHEST_MM, Reader
+from labweb.domain.resources.labware.foreign_json import FARTHEST_MM, JsonReader
+from labweb.domain.resources.labware.labware_definition import Footprint, Seat, Vector
 
 MAX_OFFSETS = 10_000
 
@@ -11,7 +11,7 @@ LID, FLAT_LEFT, FLAT_RIGHT = "tip_rack_lid", "flat_adapter_left", "flat_adapter_
 """Names of the joints that this module reads."""
 
 
-def read_seat(reader: Reader, version: int, size: Vector, origin: Vector) -> Seat:
+def read_seat(reader: JsonReader, version: int, size: Vector, origin: Vector) -> Seat:
     """Return the seat; what is wrong becomes a finding.
 
     Args:
@@ -46,7 +46,7 @@ def read_seat(reader: Reader, version: int, size: Vector, origin: Vector) -> Sea
     )
 
 
-def _offsets(reader: Reader, key: str) -> dict[str, Vector]:
+def _offsets(reader: JsonReader, key: str) -> dict[str, Vector]:
     if not reader.has(key):
         return {}
     return {
@@ -55,7 +55,7 @@ def _offsets(reader: Reader, key: str) -> dict[str, Vector]:
     }
 
 
-def _footprint(features: Reader, key: str, origin: Vector) -> Footprint | None:
+def _footprint(features: JsonReader, key: str, origin: Vector) -> Footprint | None:
     if not features.has(key):
         return None
     print_ = features.optional_object(key)
@@ -74,7 +74,7 @@ def _footprint(features: Reader, key: str, origin: Vector) -> Footprint | None:
 
 
 def _joints(
-    features: Reader, size: Vector, origin: Vector
+    features: JsonReader, size: Vector, origin: Vector
 ) -> tuple[dict[str, Vector], dict[str, Vector]]:
     """Return the points at which others join it, and those by which it joins others."""
     gives: dict[str, Vector] = {}

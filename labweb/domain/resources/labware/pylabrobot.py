@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from labweb.domain.errors import Finding
-from labweb.domain.resources.labware.definition import ZERO, TipDefinition, Vector
-from labweb.domain.resources.labware.geometry import MAX_SECTIONS, Cavity, Table, check_cavity
-from labweb.domain.resources.labware.part import Part
-from labweb.domain.resources.labware.reader import FARTHEST_MM, Reader, open_reader
+from labweb.domain.resources.labware.foreign_json import FARTHEST_MM, JsonReader, open_reader
+from labweb.domain.resources.labware.labware_definition import ZERO, TipDefinition, Vector
+from labweb.domain.resources.labware.labware_parts import LabwarePart
+from labweb.domain.resources.labware.well_geometry import MAX_SECTIONS, Cavity, Table, check_cavity
 from labweb.domain.resources.pose import Pose, Quaternion, turn
 
 MAX_PARTS = 100_000
@@ -67,7 +67,7 @@ def is_pylabrobot(value: object) -> bool:
     return isinstance(value, Mapping) and {"type", "size_x", "children"} <= value.keys()
 
 
-def parse_pylabrobot(value: object) -> tuple[Part, list[Finding]]:
+def parse_pylabrobot(value: object) -> tuple[LabwarePart, list[Finding]]:
     """Read one resource and all below it.
 
     Args:
@@ -95,7 +95,7 @@ def parse_pylabrobot(value: object) -> tuple[Part, list[Finding]]:
     return part, walk.notes
 
 
-def _read(reader: Reader, walk: _Walk, above: _Frame, depth: int) -> Part:
+def _read(reader: JsonReader, walk: _Walk, above: _Frame, depth: int) -> LabwarePart:
     name = reader.text("name")
     if name and name in walk.names:
         reader.refuse("labware.duplicate", f"the name {name!r} stands twice", "name")
@@ -103,7 +103,7 @@ def _read(reader: Reader, walk: _Walk, above: _Frame, depth: int) -> Part:
     category = reader.text("category") if reader.has("category") else ""
     kind = _KINDS.get(category, "foreign")
     rotation, frame = _read_rotation(reader, above)
-    return Part(
+    return LabwarePart(
         name=name,
         label=reader.text("model") if reader.has("model") else name,
         kind=kind,
@@ -119,7 +119,9 @@ def _read(reader: Reader, walk: _Walk, above: _Frame, depth: int) -> Part:
     )
 
 
-def _read_children(reader: Reader, walk: _Walk, frame: _Frame, depth: int) -> Iterator[Part]:
+def _read_children(
+    reader: JsonReader, walk: _Walk, frame: _Frame, depth: int
+) -> Iterator[LabwarePart]:
     children = list(reader.objects("children", MAX_PARTS))
     walk.count += len(children)
     if children and depth >= MAX_DEPTH:
@@ -131,7 +133,7 @@ def _read_children(reader: Reader, walk: _Walk, frame: _Frame, depth: int) -> It
             yield _read(child, walk, frame, depth + 1)
 
 
-def _read_rotation(reader: Reader, above: _Frame) -> tuple[Quaternion, _Frame]:
+def _read_rotation(reader: JsonReader, above: _Frame) -> tuple[Quaternion, _Frame]:
     """Return the rotation against the parent, and the frame for what stands in it.
 
     PyLabRobot adds the angles of parent and child, which is the rotation they make together
@@ -164,20 +166,20 @@ def _quaternion(angles: Vector) -> Quaternion:
     return turn(turn(about_z, about_y), about_x)
 
 
-def _read_pose(reader: Reader, rotation: Quaternion) -> Pose | None:
+def _read_pose(reader: JsonReader, rotation: Quaternion) -> Pose | None:
     if not reader.has("location"):
         return None
     return Pose(*reader.vector("location"), rotation)
 
 
-def _read_capacity(reader: Reader) -> int | None:
+def _read_capacity(reader: JsonReader) -> int | None:
     """Return the capacity; none where the file says infinite, which no vessel is."""
     if not reader.has("max_volume") or reader.value["max_volume"] == "Infinity":
         return None
     return reader.capacity_nl("max_volume")
 
 
-def _read_cavity(reader: Reader, walk: _Walk) -> Cavity | None:
+def _read_cavity(reader: JsonReader, walk: _Walk) -> Cavity | None:
     for key in ("compute_volume_from_height", "compute_height_from_volume"):
         if reader.has(key):
             message = f"{reader.path}.{key}: is code of others and was not run"
@@ -200,7 +202,7 @@ def _read_cavity(reader: Reader, walk: _Walk) -> Cavity | None:
     return cavity
 
 
-def _height(data: Reader, key: str) -> float:
+def _height(data: JsonReader, key: str) -> float:
     try:
         height = float(key)
     except (TypeError, ValueError):
@@ -211,7 +213,7 @@ def _height(data: Reader, key: str) -> float:
     return height
 
 
-def _read_tip(reader: Reader) -> TipDefinition | None:
+def _read_tip(reader: JsonReader) -> TipDefinition | None:
     if not reader.has("prototype_tip"):
         return None
     tip = reader.optional_object("prototype_tip")
@@ -222,7 +224,7 @@ def _read_tip(reader: Reader) -> TipDefinition | None:
     )
 
 
-def _read_addresses(reader: Reader) -> dict[str, str]:
+def _read_addresses(reader: JsonReader) -> dict[str, str]:
     """Return address by the name of the child; the format writes it the other way round."""
     if not reader.has("ordering"):
         return {}

@@ -15,7 +15,7 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from labweb.common import authority
 from labweb.common.clock import now
-from labweb.domain.enrollment.join import CERTIFICATE_S
+from labweb.domain.enrollment.host_join import CERTIFICATE_S
 from labweb.domain.errors import LabError
 
 logger = logging.getLogger(__name__)

@@ -7,7 +7,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from labweb.accounts import selectors as account_selectors
-from labweb.domain.enrollment.join import LONGEST_TOKEN_S, USUAL_TOKEN_S
+from labweb.domain.enrollment.host_join import LONGEST_TOKEN_S, USUAL_TOKEN_S
 from labweb.domain.errors import LabError
 from labweb.enrollment import services
 from labweb.resources import selectors as resource_selectors

@@ -12,10 +12,10 @@ from uuid import UUID
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.crutd.selectors.lineage import DEEPEST
+from labweb.domain.crutd.provenance.graph_views import HEADS, to_dot, to_json, to_rows
 from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_json import render_prov
-from labweb.domain.crutd.provenance.prov_read import read_prov
-from labweb.domain.crutd.provenance.views import HEADS, to_dot, to_json, to_rows
+from labweb.domain.crutd.provenance.prov_json_read import read_prov
+from labweb.domain.crutd.provenance.prov_json_write import render_prov
 from labweb.domain.errors import Finding, LabError
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab

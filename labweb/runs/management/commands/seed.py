@@ -10,9 +10,9 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.domain.errors import LabError
-from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.graph.lab_file.binding_file import read_binding
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.recipes.graph_formats.lab_of_any_format import Format, LabDocument
 from labweb.runs.services.seed import seed
 
 BINDINGS = Path(__file__).parents[4] / "fixtures" / "bindings"
@@ -52,7 +52,7 @@ class Command(BaseCommand):
 
     def _read(self, path: Path, bind: Path | None) -> LabFile:
         raw = path.read_bytes()
-        document = Document(raw, path.stem)
+        document = LabDocument(raw, path.stem)
         if document.format is Format.LABWEB:
             return document.read()
         path = bind or BINDINGS / f"{document.format}.json"

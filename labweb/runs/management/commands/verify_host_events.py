@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from labweb.accounts.management.chain_command import VerifyCommand
 from labweb.domain.errors import Finding
-from labweb.domain.messages import Countersigned
+from labweb.domain.messages.chain_heads import Countersigned
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.selectors.host_chain import first_broken_host_event

@@ -13,13 +13,13 @@ from django.core.management.base import CommandError
 
 from labweb.common.clock import SystemClock
 from labweb.domain.errors import Finding, LabError, LabFileError, UnitError
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.advise.search import Advice, advise
-from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
-from labweb.domain.recipes.recipe_plan import Wish
-from labweb.domain.recipes.xdl.declared import bindings, read_declared
-from labweb.domain.recipes.xdl.markup import MAX_BYTES
-from labweb.domain.recipes.xdl.to_workflow import parse_pairs
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.advise.fewest_changes import Advice, advise
+from labweb.domain.recipes.compile_recipe_file import digest, plan_recipe, read_recipe
+from labweb.domain.recipes.recipe_to_plan import CompileWish
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import parse_pairs
+from labweb.domain.recipes.xdl.file_format.xml_tree import MAX_BYTES
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import bindings, read_declared
 from labweb.domain.units import parse_volume_nl
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import MANY, FileCommand
@@ -177,7 +177,7 @@ def _plain(advice: Advice | list[Finding]) -> dict[str, Any]:
     return {"ok": False, "findings": [finding.to_json() for finding in advice]}
 
 
-def _wish(options: dict[str, Any]) -> Wish:
+def _wish(options: dict[str, Any]) -> CompileWish:
     holds: dict[str, dict[str, int]] = {}
     try:
         bind, parameters = parse_pairs(options["bind"]), parse_pairs(options["parameter"])
@@ -193,7 +193,7 @@ def _wish(options: dict[str, Any]) -> Wish:
         raise CommandError(str(error)) from error
     except UnitError as error:
         raise CommandError(f"--holds: {error.message}") from error
-    return Wish(
+    return CompileWish(
         bind=bind,
         holds_nl=holds,
         rinse=tuple(options["rinse"]),

@@ -13,10 +13,10 @@ from typing import Any, BinaryIO
 from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabFileError
-from labweb.domain.graph.lab_file.guard import MAX_BYTES
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig, unpacked
-from labweb.domain.recipes.rig_transfers import MOST_LINE_BYTES, compile_line
+from labweb.domain.graph.lab_file.untrusted_json import MAX_BYTES
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig, unpacked
+from labweb.domain.recipes.transfers_on_rig import MOST_LINE_BYTES, compile_line
 from labweb.workflows.management.file_command import FileCommand
 
 REFUSED = 2

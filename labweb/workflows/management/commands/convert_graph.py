@@ -11,7 +11,7 @@ from typing import Any
 from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.recipes.graph_formats.convert import Target, convert
+from labweb.domain.recipes.graph_formats.convert_graph import Target, convert
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import FileCommand
 

@@ -12,16 +12,16 @@ from typing import Any
 from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabError, LabFileError
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.recipe_on_rig import digest, read_recipe, workflow_of
-from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.recipes.compile_recipe_file import digest, read_recipe, workflow_of
+from labweb.domain.recipes.recipe_to_plan import CompileWish
 from labweb.domain.recipes.workflow_on_rig import workflow_on_rig
-from labweb.domain.recipes.xdl.declared import bindings, read_declared
-from labweb.domain.recipes.xdl.markup import MAX_BYTES
-from labweb.domain.recipes.xdl.recipe import Recipe
-from labweb.domain.recipes.xdl.to_workflow import parse_pairs
-from labweb.domain.recipes.xdl.write import VERSIONS, render_as
+from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import parse_pairs
+from labweb.domain.recipes.xdl.file_format.recipe_model import Recipe
+from labweb.domain.recipes.xdl.file_format.write_xdl import VERSIONS, render_as
+from labweb.domain.recipes.xdl.file_format.xml_tree import MAX_BYTES
+from labweb.domain.recipes.xdl.lab_choices.declarations_file import bindings, read_declared
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import MANY, FileCommand
 
@@ -105,7 +105,7 @@ class Command(FileCommand):
         if recipe.is_compiled or len(recipe.syntheses) != 1:
             render_as(recipe, "2.0")
             raise CommandError(f"the file holds {len(recipe.syntheses)} syntheses: keep one")
-        wish = Wish(
+        wish = CompileWish(
             bind=keys,
             parameters=parameters,
             primes=options["prime"],

@@ -13,13 +13,13 @@ from typing import Any
 from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabError, LabFileError, ProtocolError
-from labweb.domain.graph.lab_file.guard import MAX_BYTES
-from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.proof.execute import check_plan
-from labweb.domain.proof.plan import parse_plan
+from labweb.domain.graph.lab_file.untrusted_json import MAX_BYTES
+from labweb.domain.graph.rig.rig_model import Rig
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.proof.execute_plan import check_plan
+from labweb.domain.proof.plan_read import parse_plan
 from labweb.domain.proof.plumbing import Plumbing
-from labweb.domain.proof.request import check_answer
+from labweb.domain.proof.transfer_judge import check_answer
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import FileCommand
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from labweb.domain.crutd.provenance.flows import Flow
+from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow
 from labweb.domain.crutd.provenance.lineage import History, Page
 from labweb.domain.resources.contents import LotId, take
 
@@ -14,14 +14,14 @@ Link = tuple[int, str]
 """Order of a flow, and a lot in it."""
 
 
-def flow(order: int, source: str, target: str, *, activity: str = "", **lots: int) -> Flow:
+def flow(order: int, source: str, target: str, *, activity: str = "", **lots: int) -> LedgerFlow:
     return a_flow(order, source, target, lots, activity=activity)
 
 
 def a_flow(
     order: int, source: str, target: str, lots: Mapping[Any, int], *, activity: str = ""
-) -> Flow:
-    return Flow(
+) -> LedgerFlow:
+    return LedgerFlow(
         order=order,
         activity=activity or f"t{order}",
         source=source,
@@ -31,7 +31,7 @@ def a_flow(
     )
 
 
-def reader(flows: Sequence[Flow], unread: Collection[str] = ()) -> History:
+def reader(flows: Sequence[LedgerFlow], unread: Collection[str] = ()) -> History:
     """Answer as the database does, and refuse to be asked twice for the same account."""
     asked: set[str] = set()
 
@@ -47,7 +47,7 @@ def reader(flows: Sequence[Flow], unread: Collection[str] = ()) -> History:
     return history
 
 
-def links(flows: Sequence[Flow]) -> set[Link]:
+def links(flows: Sequence[LedgerFlow]) -> set[Link]:
     return {(f.order, lot) for f in flows for lot in f.lots}
 
 
@@ -58,7 +58,7 @@ class Book:
     Marks go forward with the matter and vanish with the last drop: nothing here looks back.
     """
 
-    flows: list[Flow] = field(default_factory=list)
+    flows: list[LedgerFlow] = field(default_factory=list)
     held: dict[str, dict[LotId, int]] = field(default_factory=dict)
     marks: dict[tuple[str, str], set[Link]] = field(default_factory=dict)
     last_marks: dict[str, set[Link]] = field(default_factory=dict)

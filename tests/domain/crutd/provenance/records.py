@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from labweb.domain.crutd.provenance.facts import (
+from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow
+from labweb.domain.crutd.provenance.recorded_facts import (
     DecisionFact,
     DeviceFact,
     FileFact,
     JobFact,
     LotFact,
-    Record,
+    RecordedFacts,
     ResourceFact,
     RunFact,
     TransactionFact,
 )
-from labweb.domain.crutd.provenance.flows import Flow
 from tests.domain.crutd.provenance.ledgers import flow
 
 LAB = "0190a000-0000-7000-8000-000000000000"
-FLOWS: tuple[Flow, ...] = (
+FLOWS: tuple[LedgerFlow, ...] = (
     flow(1, "RECEIPT", "v-water", activity="t1", water=9000),
     flow(2, "v-water", "v-syringe", activity="t2", water=5000),
     flow(3, "v-syringe", "v-reactor", activity="t3", water=5000),
@@ -94,7 +94,7 @@ TRANSACTIONS = (
     ),
     done(7, "transfer", pour("v-reactor", "v-water"), state="quarantined", job_id="j7"),
 )
-RECORD = Record(
+RECORD = RecordedFacts(
     root="resource/v-reactor",
     flows=FLOWS,
     transactions=TRANSACTIONS,

@@ -6,9 +6,16 @@ from dataclasses import replace
 
 import pytest
 
-from labweb.domain.crutd.provenance.build import build_graph
-from labweb.domain.crutd.provenance.graph import Bond, Kind, Node, Relation, make_graph, redacted
-from labweb.domain.crutd.provenance.views import to_dot, to_json, to_rows
+from labweb.domain.crutd.provenance.graph_from_record import build_graph
+from labweb.domain.crutd.provenance.graph_views import to_dot, to_json, to_rows
+from labweb.domain.crutd.provenance.provenance_graph import (
+    Bond,
+    ProvKind,
+    ProvNode,
+    Relation,
+    make_graph,
+    redacted,
+)
 from tests.domain.crutd.provenance.records import RECORD, TRANSACTIONS, at
 
 GRAPH = build_graph(RECORD)
@@ -111,7 +118,7 @@ def test_what_is_not_described_is_left_out() -> None:
 
 
 def test_a_relation_with_a_wrong_end_is_a_mistake_of_the_builder() -> None:
-    entity = Node(id="e", kind=Kind.ENTITY, type="lot", name="")
+    entity = ProvNode(id="e", kind=ProvKind.ENTITY, type="lot", name="")
     for relation in (
         Relation(bond=Bond.USED, later="e", earlier="e"),
         Relation(bond=Bond.DERIVED, later="e", earlier="gone"),

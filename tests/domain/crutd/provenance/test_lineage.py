@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.crutd.provenance.lineage import Limits, trace_down, trace_flows, trace_up
-from labweb.domain.crutd.provenance.picture import to_graph
+from labweb.domain.crutd.provenance.lineage_picture import to_graph
 from tests.domain.crutd.provenance.ledgers import Book, flow, links, reader
 
 FAR = Limits(depth=10_000, size=10_000)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from labweb.domain.crutd.provenance.build import build_graph
-from labweb.domain.crutd.provenance.facts import (
+from labweb.domain.crutd.provenance.graph_from_record import build_graph
+from labweb.domain.crutd.provenance.prov_check import check_prov
+from labweb.domain.crutd.provenance.prov_json_read import read_prov
+from labweb.domain.crutd.provenance.prov_json_write import render_prov
+from labweb.domain.crutd.provenance.provenance_graph import Bond, ProvGraph
+from labweb.domain.crutd.provenance.recorded_facts import (
     Clue,
     FileFact,
     MeasurementFact,
     ReadingFact,
 )
-from labweb.domain.crutd.provenance.graph import Bond, Graph
-from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_json import render_prov
-from labweb.domain.crutd.provenance.prov_read import read_prov
 from tests.domain.crutd.provenance.records import LAB, RECORD, at
 
 SPECTRUM = MeasurementFact(
@@ -51,11 +51,11 @@ SPECTRUM = MeasurementFact(
 )
 
 
-def graph_of(*measurements: MeasurementFact, **more: object) -> Graph:
+def graph_of(*measurements: MeasurementFact, **more: object) -> ProvGraph:
     return build_graph(replace(RECORD, measurements=measurements, **more))  # type: ignore[arg-type]
 
 
-def ends(graph: Graph, bond: Bond) -> set[tuple[str, str]]:
+def ends(graph: ProvGraph, bond: Bond) -> set[tuple[str, str]]:
     return {(r.later, r.earlier) for r in graph.relations if r.bond is bond}
 
 

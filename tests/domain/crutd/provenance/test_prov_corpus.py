@@ -9,7 +9,7 @@ import pytest
 from prov.model import ProvDocument
 
 from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_read import read_prov
+from labweb.domain.crutd.provenance.prov_json_read import read_prov
 from labweb.domain.errors import DefinitionError
 from tests.corpus import NO_PROV, PROV
 from tests.domain.crutd.provenance import prov_xml

@@ -11,20 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from prov.model import ProvDocument
 
-from labweb.domain.crutd.provenance.build import build_graph
-from labweb.domain.crutd.provenance.graph import (
+from labweb.domain.crutd.provenance.graph_from_record import build_graph
+from labweb.domain.crutd.provenance.prov_check import check_prov
+from labweb.domain.crutd.provenance.prov_json_read import ProvStatement, read_prov
+from labweb.domain.crutd.provenance.prov_json_write import VOCABULARY, render_prov
+from labweb.domain.crutd.provenance.provenance_graph import (
     ENDS,
     Bond,
-    Graph,
-    Kind,
-    Node,
+    ProvGraph,
+    ProvKind,
+    ProvNode,
     Relation,
     make_graph,
 )
-from labweb.domain.crutd.provenance.names import escape, unescape
-from labweb.domain.crutd.provenance.prov_check import check_prov
-from labweb.domain.crutd.provenance.prov_json import VOCABULARY, render_prov
-from labweb.domain.crutd.provenance.prov_read import Statement, read_prov
+from labweb.domain.crutd.provenance.qualified_names import escape, unescape
 from labweb.domain.errors import DefinitionError, Finding
 from tests.domain.crutd.provenance.records import LAB, RECORD, at
 
@@ -45,9 +45,9 @@ FACTS = st.dictionaries(
 
 
 @st.composite
-def graphs(draw: st.DrawFn) -> Graph:
+def graphs(draw: st.DrawFn) -> ProvGraph:
     nodes = [
-        Node(
+        ProvNode(
             id=f"{kind.value}/{name}",
             kind=kind,
             type=draw(TEXTS),
@@ -55,10 +55,10 @@ def graphs(draw: st.DrawFn) -> Graph:
             started_at=at(draw(st.integers(0, 59))) if draw(st.booleans()) else "",
             facts=draw(FACTS),
         )
-        for kind in Kind
+        for kind in ProvKind
         for name in draw(st.lists(TEXTS, min_size=1, max_size=3, unique=True))
     ]
-    of = {kind: [node.id for node in nodes if node.kind is kind] for kind in Kind}
+    of = {kind: [node.id for node in nodes if node.kind is kind] for kind in ProvKind}
     relations = []
     for bond in draw(st.lists(st.sampled_from(Bond), max_size=8)):
         later, earlier = ENDS[bond]
@@ -80,7 +80,7 @@ def read_by_prov(document: dict[str, Any]) -> ProvDocument:
     return ProvDocument.deserialize(content=json.dumps(document), format="json")
 
 
-def plain(statements: tuple[Statement, ...]) -> list[Any]:
+def plain(statements: tuple[ProvStatement, ...]) -> list[Any]:
     return sorted(
         (s.kind, str(s.id), sorted(s.arguments.items()), sorted(map(str, set(s.attributes))))
         for s in statements
@@ -106,7 +106,7 @@ def test_a_run_comes_back_equal_from_prov_and_contradicts_itself_nowhere() -> No
 
 @settings(max_examples=40, deadline=None)
 @given(graphs())
-def test_any_graph_comes_back_equal_from_prov(graph: Graph) -> None:
+def test_any_graph_comes_back_equal_from_prov(graph: ProvGraph) -> None:
     assert_comes_back_equal(render_prov(graph, LAB))
 
 

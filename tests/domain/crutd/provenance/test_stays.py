@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.crutd.provenance.stays import Move, Stay, clipped, stays_at
+from labweb.domain.crutd.provenance.stays_at_places import PlaceMove, Stay, clipped, stays_at
 
 
 def hour(number: int) -> datetime:
@@ -22,11 +22,11 @@ def hour(number: int) -> datetime:
 
 
 def asked(
-    resource: str, place: str, moves: Sequence[Move], parents: Mapping[str, str | None]
+    resource: str, place: str, moves: Sequence[PlaceMove], parents: Mapping[str, str | None]
 ) -> list[Stay]:
     seen: set[str] = set()
 
-    def read(ids: Collection[str]) -> list[Move]:
+    def read(ids: Collection[str]) -> list[PlaceMove]:
         assert not seen & set(ids), "each resource is read once"
         seen.update(ids)
         return [move for move in moves if move.resource in ids]
@@ -45,8 +45,8 @@ def test_what_never_moved_was_there_always() -> None:
 
 def test_a_vial_goes_with_its_rack() -> None:
     moves = [
-        Move(hour(2), "rack", "heater", "shelf"),
-        Move(hour(5), "rack", "shelf", "heater"),
+        PlaceMove(hour(2), "rack", "heater", "shelf"),
+        PlaceMove(hour(5), "rack", "shelf", "heater"),
     ]
     assert asked("vial", "heater", moves, PARENTS) == [Stay(None, hour(2)), Stay(hour(5), None)]
     assert asked("vial", "shelf", moves, PARENTS) == [Stay(hour(2), hour(5))]
@@ -54,10 +54,10 @@ def test_a_vial_goes_with_its_rack() -> None:
 
 def test_a_change_of_rack_inside_the_place_ends_no_stay() -> None:
     moves = [
-        Move(hour(1), "vial", "shelf", "rack"),
-        Move(hour(3), "vial", "rack", "heater"),
-        Move(hour(4), "vial", "heater", "shelf"),
-        Move(hour(6), "vial", "shelf", "rack"),
+        PlaceMove(hour(1), "vial", "shelf", "rack"),
+        PlaceMove(hour(3), "vial", "rack", "heater"),
+        PlaceMove(hour(4), "vial", "heater", "shelf"),
+        PlaceMove(hour(6), "vial", "shelf", "rack"),
     ]
     assert asked("vial", "heater", moves, PARENTS) == [Stay(hour(1), hour(4)), Stay(hour(6), None)]
 
@@ -82,7 +82,7 @@ def test_stays_are_what_a_watch_every_half_hour_would_see(steps: list[tuple[str,
     for number, (resource, place) in enumerate(steps, start=1):
         before = now[resource]
         assert before is not None
-        moves.append(Move(hour(number), resource, before, place))
+        moves.append(PlaceMove(hour(number), resource, before, place))
         now[resource] = place
         seen.append(is_in_heater())
     stays = asked("vial", "heater", moves, now)

@@ -8,8 +8,8 @@ import pytest
 
 from fixtures.instruments.bench import parse_bench
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.bench import bench_for, bench_notes, endpoints_needed
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, bench_notes, endpoints_needed
 from tests.labs import generated_lab
 
 STARTER = (Path(__file__).parents[4] / "fixtures/labs/starter/lab.json").read_bytes()

@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.bind import apply_binding
-from labweb.domain.graph.lab_file.bindings import Binding, read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.lab_file.apply_binding import apply_binding
+from labweb.domain.graph.lab_file.binding_file import BindingFile, read_binding
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.lab_file.uni_lab_os.graph_write import export_uni_lab_os
+from labweb.domain.graph.ports_and_connections import Medium
 
 RAW = (Path(__file__).parents[4] / "fixtures/bindings/uni_lab_os.json").read_bytes()
 BINDING = read_binding(RAW)
@@ -48,7 +48,7 @@ def station() -> Value:
     }
 
 
-def bind(value: Value, binding: Binding = BINDING) -> tuple[LabFile, list[str]]:
+def bind(value: Value, binding: BindingFile = BINDING) -> tuple[LabFile, list[str]]:
     lab, notes = apply_binding(read_uni_lab_os(json.dumps(value).encode(), "Station"), binding)
     assert export_uni_lab_os(lab) == value
     return lab, [note.message for note in notes]

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec, check_config
+from labweb.domain.enrollment.driver_spec import DriverSpec, ParameterSpec, check_config
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
 
 HERE = {"x_mm": 0.0, "y_mm": 0.0, "z_mm": 0.0}
 

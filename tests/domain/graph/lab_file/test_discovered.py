@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
 
 STARTER = (Path(__file__).parents[4] / "fixtures/labs/starter/lab.json").read_bytes()
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from labweb.domain.errors import Finding, LabFileError
-from labweb.domain.graph.lab_file.guard import MAX_BYTES, MAX_DEPTH, decode_json
+from labweb.domain.graph.lab_file.untrusted_json import MAX_BYTES, MAX_DEPTH, decode_json
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import Finding, LabFileError
-from labweb.domain.graph.lab_file import schema as schema_module
-from labweb.domain.graph.lab_file.amounts import MAX_NL, from_nl, to_nl
-from labweb.domain.graph.lab_file.bench import bench_for, bench_notes, endpoints_needed
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.lab_file.schema import lab_schema
+from labweb.domain.graph.lab_file import lab_json_schema as schema_module
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_schema import lab_schema
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, bench_notes, endpoints_needed
+from labweb.domain.resources.exact_volumes import MAX_NL, from_nl, to_nl
 from tests.labs import generated_lab
 
 ROOT = Path(__file__).parents[4]

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
-from labweb.domain.graph.lab_file.uni_lab_os.nodes import parse_ports
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.lab_file.uni_lab_os.graph_write import export_uni_lab_os
+from labweb.domain.graph.lab_file.uni_lab_os.nodes_and_links import parse_ports
+from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.resources.contents import LotId
 
 

@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from fixtures.instruments.bench import parse_bench
-from labweb.domain.graph.lab_file.bench import bench_for, bench_notes, endpoints_needed
-from labweb.domain.graph.lab_file.bind import apply_binding
-from labweb.domain.graph.lab_file.bindings import is_match, read_binding
-from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.graph.lab_file.render import render_lab
-from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
-from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
-from labweb.domain.graph.lab_file.uni_lab_os.report import Row, report
-from labweb.domain.graph.rig.classes import chemputer_sort
+from labweb.domain.graph.lab_file.apply_binding import apply_binding
+from labweb.domain.graph.lab_file.binding_file import is_match, read_binding
+from labweb.domain.graph.lab_file.lab_json_read import read_lab
+from labweb.domain.graph.lab_file.lab_json_write import render_lab
+from labweb.domain.graph.lab_file.lab_model import LabFile
+from labweb.domain.graph.lab_file.simulated_bench import bench_for, bench_notes, endpoints_needed
+from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
+from labweb.domain.graph.lab_file.uni_lab_os.graph_write import export_uni_lab_os
+from labweb.domain.graph.lab_file.uni_lab_os.import_report import Row, report
+from labweb.domain.graph.rig.node_classes import chemputer_sort
 from tests.corpus import GRAPHS, NO_GRAPHS
 
 ROOT = Path(__file__).parents[4]

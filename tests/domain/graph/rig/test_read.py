@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from labweb.domain.errors import LabFileError
-from labweb.domain.graph.elements import Role
-from labweb.domain.graph.rig.model import Rig, RigFormat
-from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.elements import ElementRole
+from labweb.domain.graph.ports_and_connections import Medium
+from labweb.domain.graph.rig.rig_model import Rig, RigFormat
+from labweb.domain.graph.rig.rig_read import read_rig
+from labweb.domain.graph.rig.rig_write import write_rig
 from tests.corpus import GRAPHS, NO_XDL, XDL
 
 ROOT = Path(__file__).parents[4]
@@ -54,7 +54,7 @@ def test_a_chemputer_link_conducts_as_it_is_drawn_between_two_named_ports() -> N
     nodes = [{"id": "f", "class": "ChemputerFlask"}, {"id": 7, "class": "ChemputerValve"}]
     rig = read_rig(node_link(nodes, [{"source": "f", "target": 7, "port": "(0, 3 )"}]))
     assert ports_of(rig) == [("f", "0", "7", "3", False)]
-    assert [element.role for element in rig.elements] == [Role.VESSEL, Role.VALVE]
+    assert [element.role for element in rig.elements] == [ElementRole.VESSEL, ElementRole.VALVE]
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_the_common_port_is_named_or_joined_to_the_pump(
 def test_a_name_says_nothing_about_what_a_node_is() -> None:
     nodes = [{"id": "pump_1", "type": "device", "class": ""}, {"id": "valve", "type": "container"}]
     rig = read_rig(node_link(nodes, []))
-    assert [element.role for element in rig.elements] == [Role.OTHER, Role.VESSEL]
+    assert [element.role for element in rig.elements] == [ElementRole.OTHER, ElementRole.VESSEL]
 
 
 def test_every_defect_of_a_graph_is_told_at_once() -> None:
@@ -255,7 +255,9 @@ def test_broken_xml_is_told_with_its_line() -> None:
 def test_the_starter_lab_is_a_rig_and_is_given_back_as_it_stands() -> None:
     raw = (ROOT / "fixtures/labs/starter/lab.json").read_bytes()
     rig = read_rig(raw)
-    assert {Role.PUMP, Role.VALVE, Role.VESSEL} <= {element.role for element in rig.elements}
+    assert {ElementRole.PUMP, ElementRole.VALVE, ElementRole.VESSEL} <= {
+        element.role for element in rig.elements
+    }
     assert write_rig(rig) == raw
     with pytest.raises(LabFileError) as caught:
         write_rig(rig, RigFormat.GRAPHML)
@@ -334,4 +336,4 @@ def test_a_syringe_of_a_drive_that_only_infuses_pumps_for_no_recipe() -> None:
     lab["devices"][0]["nodes"] = {"infusion_pump": "pump_1"}
     roles = {one.key: one.role for one in read_rig(json.dumps(lab).encode()).elements}
     assert pumps == both
-    assert (roles["pump_1"], roles["pump_2"]) == (Role.OTHER, Role.PUMP)
+    assert (roles["pump_1"], roles["pump_2"]) == (ElementRole.OTHER, ElementRole.PUMP)

@@ -9,25 +9,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from labweb.domain.recipes.xdl.acts import Act
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Field, Kind
+from labweb.domain.recipes.xdl.expansion.act_reading import ActReading
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicKind, BasicOperation, Field
 from labweb.domain.recipes.xdl.expansion.operations_table import OPERATIONS
-from labweb.domain.recipes.xdl.expansion.reading import ActReading
-from labweb.domain.recipes.xdl.findings import Findings
-from labweb.domain.recipes.xdl.read import refusal
+from labweb.domain.recipes.xdl.file_format.findings import Findings
+from labweb.domain.recipes.xdl.file_format.read_xdl import refusal
+from labweb.domain.recipes.xdl.unfolding.act_order import RecipeAct
 
 _OFF = {
-    Kind.START_STIR: Kind.STOP_STIR,
-    Kind.SET_TEMPERATURE: Kind.STOP_TEMPERATURE,
-    Kind.START_VACUUM: Kind.STOP_VACUUM,
-    Kind.START_GAS: Kind.STOP_GAS,
-    Kind.START_ROTATION: Kind.STOP_ROTATION,
-    Kind.START_LIGHT: Kind.STOP_LIGHT,
-    Kind.START_ULTRASOUND: Kind.STOP_ULTRASOUND,
+    BasicKind.START_STIR: BasicKind.STOP_STIR,
+    BasicKind.SET_TEMPERATURE: BasicKind.STOP_TEMPERATURE,
+    BasicKind.START_VACUUM: BasicKind.STOP_VACUUM,
+    BasicKind.START_GAS: BasicKind.STOP_GAS,
+    BasicKind.START_ROTATION: BasicKind.STOP_ROTATION,
+    BasicKind.START_LIGHT: BasicKind.STOP_LIGHT,
+    BasicKind.START_ULTRASOUND: BasicKind.STOP_ULTRASOUND,
 }
 """What ends what was begun."""
 
-_IDLE = frozenset({Kind.STOP_STIR, Kind.STOP_TEMPERATURE})
+_IDLE = frozenset({BasicKind.STOP_STIR, BasicKind.STOP_TEMPERATURE})
 """Said to make sure; dropped for a vessel that is never begun with."""
 
 
@@ -35,7 +35,7 @@ _IDLE = frozenset({Kind.STOP_STIR, Kind.STOP_TEMPERATURE})
 class Expansion:
     """One act with the basic operations it is made of."""
 
-    act: Act
+    act: RecipeAct
     operations: tuple[BasicOperation, ...] = ()
     children: tuple[Expansion, ...] = ()
     """For a blueprint, a loop and an Async."""
@@ -44,7 +44,7 @@ class Expansion:
     """Properties that the recipe gives and none of the operations does."""
 
 
-def expand(acts: tuple[Act, ...]) -> tuple[Expansion, ...]:
+def expand(acts: tuple[RecipeAct, ...]) -> tuple[Expansion, ...]:
     """Expand the acts of a recipe.
 
     Raises:
@@ -60,7 +60,7 @@ def expand(acts: tuple[Act, ...]) -> tuple[Expansion, ...]:
     }
     kept = tuple(_without_idle(one, begun) for one in expanded)
     end = tuple(_shutdown(kept))
-    return (*kept, Expansion(act=Act(name="Shutdown"), operations=end)) if end else kept
+    return (*kept, Expansion(act=RecipeAct(name="Shutdown"), operations=end)) if end else kept
 
 
 def all_operations(expanded: tuple[Expansion, ...]) -> Iterator[BasicOperation]:
@@ -70,7 +70,7 @@ def all_operations(expanded: tuple[Expansion, ...]) -> Iterator[BasicOperation]:
         yield from all_operations(one.children)
 
 
-def _expanded(act: Act, told: Findings) -> Expansion:
+def _expanded(act: RecipeAct, told: Findings) -> Expansion:
     children = tuple(_expanded(child, told) for child in act.children)
     operation = OPERATIONS.get(act.name)
     if act.is_blueprint or (operation is not None and operation.expand is None and children):
@@ -86,7 +86,7 @@ def _expanded(act: Act, told: Findings) -> Expansion:
     return Expansion(act=act, operations=operations, children=children, unheeded=left)
 
 
-def _without_idle(one: Expansion, begun: set[tuple[Kind, Field]]) -> Expansion:
+def _without_idle(one: Expansion, begun: set[tuple[BasicKind, Field]]) -> Expansion:
     kept = tuple(
         o
         for o in one.operations
@@ -97,7 +97,7 @@ def _without_idle(one: Expansion, begun: set[tuple[Kind, Field]]) -> Expansion:
 
 
 def _shutdown(expanded: tuple[Expansion, ...]) -> Iterator[BasicOperation]:
-    running: dict[tuple[Kind, Field], BasicOperation] = {}
+    running: dict[tuple[BasicKind, Field], BasicOperation] = {}
     for operation in all_operations(expanded):
         vessel = operation.fields.get("vessel")
         if operation.kind in _OFF:

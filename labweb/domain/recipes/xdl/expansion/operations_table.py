@@ -6,9 +6,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
-from labweb.domain.recipes.xdl.expansion import adding, conditioning, isolating
-from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Effect
-from labweb.domain.recipes.xdl.expansion.reading import ActReading
+from labweb.domain.recipes.xdl.expansion import (
+    add_and_transfer,
+    separate_and_purify,
+    stir_heat_light_gas,
+)
+from labweb.domain.recipes.xdl.expansion.act_reading import ActReading
+from labweb.domain.recipes.xdl.expansion.basic_operations import BasicOperation, ContentsEffect
 
 
 class Need(StrEnum):
@@ -35,7 +39,7 @@ class Need(StrEnum):
     PERSON = "person, or a dispenser of solids"
 
 
-class State(StrEnum):
+class VesselState(StrEnum):
     """What is true of a vessel before or after."""
 
     HOLDS_ENOUGH = "the source holds as much"
@@ -89,14 +93,14 @@ class Operation:
     """None: it holds other steps and is not itself an operation."""
 
     needs: tuple[Need, ...] = ()
-    before: tuple[State, ...] = ()
-    after: tuple[State, ...] = ()
-    effect: Effect = Effect.NONE
+    before: tuple[VesselState, ...] = ()
+    after: tuple[VesselState, ...] = ()
+    effect: ContentsEffect = ContentsEffect.NONE
     hazards: tuple[Hazard, ...] = ()
 
 
-_N, _S, _H, _E = Need, State, Hazard, Effect
-_a, _c, _i = adding, conditioning, isolating
+_N, _S, _H, _E = Need, VesselState, Hazard, ContentsEffect
+_a, _c, _i = add_and_transfer, stir_heat_light_gas, separate_and_purify
 _HEATING = (_H.HOT, _H.OVERPRESSURE, _H.FIRE, _H.COLD)
 _HEAT_NEEDS = (_N.THERMOSTAT, _N.STIRRER)
 _SUCK = (_N.FILTER, _N.VACUUM)

@@ -1,0 +1,1 @@
+"""A recipe as a workflow of labweb, step by step."""

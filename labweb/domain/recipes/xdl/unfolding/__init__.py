@@ -1,0 +1,1 @@
+"""A recipe with nothing left open: blueprints, amounts and acts worked out."""

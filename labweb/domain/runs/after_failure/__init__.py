@@ -1,0 +1,1 @@
+"""What becomes of a run when a job of it failed or is in doubt."""

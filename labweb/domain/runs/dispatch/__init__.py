@@ -1,0 +1,1 @@
+"""Which jobs go to which host, when, and whose work waits."""

@@ -1,0 +1,1 @@
+"""Who may use a thing: locks, reservations, claims, holds, and custody of a resource."""

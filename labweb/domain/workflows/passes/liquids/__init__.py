@@ -1,0 +1,1 @@
+"""Passes that move liquid: which pump, through which valves, in which strokes."""

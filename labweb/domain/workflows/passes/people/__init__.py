@@ -1,0 +1,1 @@
+"""Passes for what a person does, confirms or states during the run."""

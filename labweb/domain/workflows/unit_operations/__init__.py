@@ -1,0 +1,1 @@
+"""Unit operations that a person can place, each with its parameters and its sentence."""
