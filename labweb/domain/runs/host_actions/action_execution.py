@@ -128,8 +128,8 @@ def start_both(
 
     Returns:
         HOLD with `edge.meets` where the giver has to wait for the receiver, or the receiver has
-        told that it is ready, which it is for `paired_actions.READY_S`. Else as `start`; with the right
-        to give, the receiver is started too, and its line has the right to that.
+        told that it is ready, which it is for `paired_actions.READY_S`. Else as `start`;
+        with the right to give, the receiver is started too, and its line has the right to that.
     """
     answer = decide_now(tx, row, do, at, [result for _, result in scene.judged])
     write_rejection(tx, row, answer, scene.judged)
