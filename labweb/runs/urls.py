@@ -6,7 +6,6 @@ from django.urls import path
 
 from labweb.runs.api import (
     approvals,
-    calibrations,
     crate,
     custody,
     drawing,
@@ -38,21 +37,6 @@ urlpatterns = [
     path("runs/<uuid:run_id>/provenance", provenance.RunProvenance.as_view()),
     path("runs/<uuid:run_id>/crate", crate.RunCrate.as_view()),
     path("runs/<uuid:run_id>/eln", crate.RunEln.as_view()),
-    path("devices/<uuid:calibrated_id>/calibrations", calibrations.DeviceCalibrations.as_view()),
-    path("devices/<uuid:probe_id>/calibrations/ph", calibrations.PhCalibrations.as_view()),
-    path(
-        "devices/<uuid:heating_id>/calibrations/temperature",
-        calibrations.TemperatureCalibrations.as_view(),
-    ),
-    path("calibrations/<uuid:calibration_id>", calibrations.OneCalibration.as_view()),
-    path(
-        "calibrations/<uuid:calibration_id>/decision",
-        calibrations.DecideCalibration.as_view(),
-    ),
-    path(
-        "calibrations/<uuid:calibration_id>/withdraw",
-        calibrations.WithdrawCalibration.as_view(),
-    ),
     path("files", files.Files.as_view()),
     path("files/incoming", files.IncomingFiles.as_view()),
     path("files/incoming/<uuid:incoming_id>", files.IncomingFile.as_view()),

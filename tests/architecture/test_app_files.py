@@ -11,6 +11,7 @@ APPS = (
     "accounts",
     "agents",
     "approvals",
+    "calibration",
     "campaigns",
     "crutd",
     "enrollment",

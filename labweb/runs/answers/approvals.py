@@ -9,8 +9,8 @@ from uuid import UUID
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from labweb.calibration.answers import CalibrationChange
 from labweb.common.answers import ApiAnswer, NumberedRef
-from labweb.runs.answers.calibrations import CalibrationChange
 from labweb.runs.answers.plans import PlanView
 from labweb.runs.answers.rows import RunWorkflow
 

@@ -27,24 +27,10 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.answers.lab import LabCounts, LabStop, LabSummary, StopHost
 from labweb.runs.models import Attempt, HostEvent, Outbox
-from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import DeviceHalt as DeviceHalt
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
-from labweb.runs.selectors.calibrations import OF_LAB as OF_LAB
-from labweb.runs.selectors.calibrations import accepted_of as accepted_of
-from labweb.runs.selectors.calibrations import calibration_for_update as calibration_for_update
-from labweb.runs.selectors.calibrations import calibrations_of as calibrations_of
-from labweb.runs.selectors.calibrations import ended_calibrations as ended_calibrations
-from labweb.runs.selectors.calibrations import find_calibration as find_calibration
-from labweb.runs.selectors.calibrations import findings_of_sending as findings_of_sending
-from labweb.runs.selectors.calibrations import fingerprint_of as fingerprint_of
-from labweb.runs.selectors.calibrations import history_of as history_of
-from labweb.runs.selectors.calibrations import measured_in as measured_in
-from labweb.runs.selectors.calibrations import references_of as references_of
-from labweb.runs.selectors.calibrations import runs_that_measured as runs_that_measured
-from labweb.runs.selectors.calibrations import standing_of as standing_of
 from labweb.runs.selectors.custody import find_move as find_move
 from labweb.runs.selectors.custody import hands_between as hands_between
 from labweb.runs.selectors.custody import hosts_between as hosts_between

@@ -4,12 +4,6 @@ from __future__ import annotations
 
 from labweb.runs.services.aborting import abort_run, note_silence, stop_device
 from labweb.runs.services.asking import asks_told, let_ask, take_ask, withdraw_ask
-from labweb.runs.services.calibrating import (
-    begin_calibration,
-    decide_calibration,
-    judge_ended,
-    withdraw_calibration,
-)
 from labweb.runs.services.confirming import confirm_job
 from labweb.runs.services.control import (
     pause_run,
@@ -58,11 +52,9 @@ __all__ = [
     "abort_run",
     "announce",
     "asks_told",
-    "begin_calibration",
     "begin_transfer",
     "confirm_arrival",
     "confirm_job",
-    "decide_calibration",
     "decide_request",
     "dispatch_ready",
     "end_reservation",
@@ -75,7 +67,6 @@ __all__ = [
     "is_away",
     "is_passing",
     "isolate_hosts",
-    "judge_ended",
     "lab_view",
     "let_ask",
     "look_at_parts",
@@ -111,5 +102,4 @@ __all__ = [
     "tell_failing",
     "why_taken",
     "withdraw_ask",
-    "withdraw_calibration",
 ]

@@ -14,6 +14,7 @@ import msgspec
 from django.db import Error as DatabaseProblem
 from django.db.transaction import atomic, on_commit
 
+from labweb.calibration import selectors as calibration_selectors
 from labweb.common import faults, queue, signing
 from labweb.common.clock import new_id, now, tick
 from labweb.common.prepared import Question, together, update_row
@@ -206,7 +207,13 @@ def check_calibrations(jobs: Sequence[Job]) -> None:
     Raises:
         PreconditionError: A calibration does not hold now, or is not as sure as a step needs.
     """
-    findings = selectors.findings_of_sending(jobs, at=now())
+    at = now()
+    findings = [
+        one
+        for job in jobs
+        if job.corrections
+        for one in calibration_selectors.findings_of_sending(job.device, job.corrections, at=at)
+    ]
     if findings:
         text = "; ".join(dict.fromkeys(one.message for one in findings))
         raise PreconditionError(text, code=findings[0].code, findings=findings)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from uuid import UUID
 
 from django.db.transaction import atomic, on_commit, set_rollback
 
 from labweb.accounts import services as account_services
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import run_of
+from labweb.calibration.services.calibrations import reject_unanswered
 from labweb.common.clock import now
 from labweb.domain.runs.job import JobState, Mover, RunState
-from labweb.runs.models import Calibration, Job, Run
+from labweb.runs.models import Job, Run
 from labweb.runs.services.state import announce, move_job
 
 _MOST_AT_ONCE = 100
@@ -41,7 +41,11 @@ def _expire_one() -> bool:
     if request is None:
         return False
     if request.calibration_id is not None:
-        return _reject_result(request.calibration_id)
+        if reject_unanswered(request.calibration_id, reason=_REASON):
+            return True
+        # Somebody answers at this moment: they go first.
+        set_rollback(True)
+        return False
     run = (
         Run.objects.filter(pk=run_of(request))
         .select_for_update(skip_locked=True, no_key=True)
@@ -61,19 +65,4 @@ def _expire_one() -> bool:
     run.save(update_fields=["state", "ended_at", "pause_reasons"])
     account_services.write_audit("run.abort", str(run.id), actor=None, reason=_REASON)
     on_commit(partial(announce, run.id))
-    return True
-
-
-def _reject_result(calibration_id: UUID) -> bool:
-    rows = Calibration.objects.filter(pk=calibration_id).select_for_update(
-        skip_locked=True, no_key=True
-    )
-    row = rows.first()
-    if row is None:
-        # Somebody answers at this moment: they go first.
-        set_rollback(True)
-        return False
-    row.state, row.comment = Calibration.State.REJECTED, _REASON
-    row.save(update_fields=["state", "comment"])
-    account_services.write_audit("calibration.reject", str(row.id), actor=None, reason=_REASON)
     return True

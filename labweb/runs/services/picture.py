@@ -9,6 +9,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.calibration import selectors as calibration_selectors
 from labweb.common.clock import now
 from labweb.common.prepared import Question, together
 from labweb.crutd import selectors as crutd_selectors
@@ -20,7 +21,6 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
-from labweb.runs import selectors
 from labweb.telemetry import selectors as telemetry_selectors
 
 
@@ -37,7 +37,7 @@ def asking_view(lab_id: UUID) -> tuple[Question[Any], ...]:
         resource_selectors.LOTS.asking(lab=lab_id),
         resource_selectors.MATERIALS.asking(lab=lab_id),
         resource_selectors.CONNECTIONS.asking(lab=lab_id),
-        selectors.OF_LAB.asking(lab=lab_id),
+        calibration_selectors.OF_LAB.asking(lab=lab_id),
         crutd_selectors.asking_amounts(lab_id),
         telemetry_selectors.asking_latest_in(lab_id, "is_initialized"),
     )
@@ -54,7 +54,7 @@ def view_of(lab: Lab, answers: Sequence[list[Any]]) -> LabView:
     devices: list[Device]
     rows, devices, lots, materials, connections, accepted, amounts, told = answers
     specs = enrollment_selectors.specs_of(devices)
-    calibrations = selectors.calibrations_of(devices, accepted, at=now())
+    calibrations = calibration_selectors.calibrations_of(devices, accepted, at=now())
     snapshot = crutd_selectors.lab_snapshot(rows, amounts)
     return LabView(
         tree=resource_selectors.tree_of(rows),

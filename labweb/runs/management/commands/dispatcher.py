@@ -21,6 +21,7 @@ from django.db.backends.postgresql.base import DatabaseWrapper
 from django.db.utils import InterfaceError, OperationalError
 
 from labweb.accounts import services as account_services
+from labweb.calibration.services.calibrations import judge_ended
 from labweb.common import queue, wake
 from labweb.common.clock import now
 from labweb.common.heap import freeze_heap
@@ -103,7 +104,7 @@ class Watch:
             services.isolate_hosts,
             services.note_silence,
             self._tell_silent,
-            services.judge_ended,
+            judge_ended,
             services.reread_answers,
             services.switch_waiting,
             telemetry_services.ring_incoming,

@@ -8,12 +8,14 @@ from typing import Any
 import pytest
 
 from labweb.approvals.models import ApprovalRequest, Decision
+from labweb.calibration import selectors as calibration_selectors
+from labweb.calibration.models import Calibration
+from labweb.calibration.services import calibrations
 from labweb.common.clock import now
 from labweb.domain.errors import ForbiddenError, StateError
 from labweb.runs import selectors, services
-from labweb.runs.models import Calibration
 from tests.builders import Bench
-from tests.labweb.runs.test_calibrating import accepted, measured
+from tests.labweb.calibration.test_calibrations import accepted, measured
 from tests.labweb.web import call, code_of, read, signed_in
 
 
@@ -51,11 +53,11 @@ def test_who_measured_sees_it_and_may_not_decide_it(bench: Bench) -> None:
     own = call(signed_in(bench.people["admin"]), "POST", path, {"is_approved": True})
     assert (own.status_code, code_of(own)) == (403, "approval.own_request")
     with pytest.raises(ForbiddenError):
-        services.decide_calibration(
+        calibrations.decide_calibration(
             row.id, actor=bench.people["observer"], is_accepted=True, comment=""
         )
     assert not Decision.objects.exists()
-    assert selectors.find_calibration(row.id).state == "awaiting"
+    assert calibration_selectors.find_calibration(row.id).state == "awaiting"
 
 
 def test_the_review_shows_what_it_was_before_and_what_it_becomes(bench: Bench) -> None:
@@ -83,7 +85,7 @@ def test_a_decision_in_the_queue_is_signed_and_puts_it_into_force(bench: Bench) 
     decision = Decision.objects.get()
     assert decision.meaning == "approves the calibration"
     assert decision.plan_digest == ApprovalRequest.objects.get().plan_digest
-    row = selectors.find_calibration(row.id)
+    row = calibration_selectors.find_calibration(row.id)
     assert (row.state, row.comment) == ("accepted", "fine")
     assert queue(bench) == []
     again = call(client, "POST", path, {"is_approved": True})
@@ -99,14 +101,14 @@ def test_a_result_with_findings_is_not_approved_in_the_queue_either(bench: Bench
     assert (answer.status_code, code_of(answer)) == (412, "calibration.gain")
     assert not Decision.objects.exists()
     assert call(client, "POST", path, {"is_approved": False, "comment": "no"}).status_code == 200
-    assert selectors.find_calibration(row.id).state == "rejected"
+    assert calibration_selectors.find_calibration(row.id).state == "rejected"
 
 
 def test_a_result_that_nobody_answers_is_rejected_at_its_due_date(bench: Bench) -> None:
     row = measured(bench)
     ApprovalRequest.objects.update(expires_at=now() - timedelta(seconds=1))
     with pytest.raises(StateError):
-        services.decide_calibration(
+        calibrations.decide_calibration(
             row.id, actor=bench.people["approver"], is_accepted=True, comment=""
         )
     assert services.expire_requests() == 1

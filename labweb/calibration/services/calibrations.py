@@ -14,8 +14,14 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.approvals import selectors as approval_selectors
-from labweb.approvals import services as approval_services
+from labweb.calibration import selectors
+from labweb.calibration.models import Calibration
+from labweb.calibration.services import (
+    gravimetric_calibration,
+    ph_calibration,
+    temperature_calibration,
+)
+from labweb.calibration.services.calibration_runs import calibration_runs
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
@@ -37,21 +43,15 @@ from labweb.domain.messages import canonical
 from labweb.domain.runs.job import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
-from labweb.runs import selectors
-from labweb.runs.models import Calibration
-from labweb.runs.services import batches, buffering, thermometry, weighing
-from labweb.runs.services.picture import lab_view
-from labweb.runs.services.start import start_run
-from labweb.workflows import services as workflow_services
 
 LONGEST_TEXT = 2000
 
 RULE = "A calibration needs a second person"
 
 _JUDGES: dict[str, Callable[[Calibration], tuple[list[Finding], Result | None]]] = {
-    Quantity.VOLUME.value: weighing.judged,
-    Quantity.PH.value: buffering.judged,
-    Quantity.TEMPERATURE.value: thermometry.judged,
+    Quantity.VOLUME.value: gravimetric_calibration.judged,
+    Quantity.PH.value: ph_calibration.judged,
+    Quantity.TEMPERATURE.value: temperature_calibration.judged,
 }
 
 
@@ -71,7 +71,8 @@ def begin_calibration(device_id: UUID, order: Order, *, actor: User) -> Calibrat
     device = enrollment_selectors.device_for_update(device_id)
     nodes = enrollment_selectors.node_ids(device)
     resource_selectors.require(actor, Permission.RUN, nodes)
-    view = lab_view(device.lab)
+    runs = calibration_runs()
+    view = runs.view_of_lab(device.lab)
     busy = Calibration.objects.filter(
         device=device, quantity=order.quantity.value, state=Calibration.State.MEASURING
     )
@@ -79,22 +80,18 @@ def begin_calibration(device_id: UUID, order: Order, *, actor: User) -> Calibrat
         text = f"a calibration of {order.quantity.value} of {device.name} is under way"
         raise StateError(text, code="calibration.under_way")
     if isinstance(order, VolumeOrder):
-        document, facts = weighing.drawn(view, device, order)
+        document, facts = gravimetric_calibration.drawn(view, device, order)
     elif isinstance(order, PhOrder):
-        document, facts = buffering.drawn(view, device, order)
+        document, facts = ph_calibration.drawn(view, device, order)
     else:
-        document, facts = thermometry.drawn(view, device, order)
-    drawn = workflow_services.create_workflow(
-        device.lab, name=document["name"], document=document, actor=actor
-    )
-    version = workflow_services.save_version(drawn.id, note="calibration", actor=actor)
-    run = start_run(version, actor=actor)
+        document, facts = temperature_calibration.drawn(view, device, order)
+    run_id = runs.start_measurement(device.lab, document, actor=actor)
     known = Calibration.objects.filter(device=device, quantity=order.quantity.value)
     row = Calibration.objects.create(
         device=device,
         quantity=order.quantity.value,
         number=(known.aggregate(Max("number"))["number__max"] or 0) + 1,
-        run=run,
+        run_id=run_id,
         order=msgspec.to_builtins(order) | facts,
         fingerprint=selectors.fingerprint_of(device),
         valid_days=order.valid_days,
@@ -148,12 +145,12 @@ def ask_about(row: Calibration) -> None:
     """Put a result into the queue of what waits for a second person, until its own due date."""
     facts = {"order": row.order, "points": row.points, "result": row.result}
     measured_at = row.measured_at or now()
-    approval_services.open_request(
+    calibration_runs().ask_person(
+        row.id,
         lab=row.device.lab,
         title=f"Calibration {row.number} of {row.quantity} of {row.device.name}",
-        calibration_id=row.id,
-        plan_digest=sha256(canonical(facts)).hexdigest(),
-        policies=[RULE],
+        digest=sha256(canonical(facts)).hexdigest(),
+        rule=RULE,
         asked_by=row.made_by,
         expires_at=measured_at + timedelta(days=row.valid_days),
     )
@@ -177,11 +174,11 @@ def decide_calibration(
         None on matter. Plans that are made before keep the numbers that they were made with.
     """
     row = selectors.calibration_for_update(calibration_id)
-    approval_services.require_deciding(actor, row.device.lab)
+    runs = calibration_runs()
+    runs.require_deciding(actor, row.device.lab)
     if row.state != Calibration.State.AWAITING or row.measured_at is None:
         raise StateError(f"this calibration is {row.state}", code="calibration.not_waiting")
-    request = approval_selectors.about_calibration(row.id)
-    approval_services.decide(request.id, actor=actor, is_approved=is_accepted, comment=comment)
+    runs.decide_request(row.id, actor=actor, is_approved=is_accepted, comment=comment)
     if is_accepted:
         _refuse_unsound(row)
         row.expires_at = row.measured_at + timedelta(days=row.valid_days)
@@ -190,6 +187,25 @@ def decide_calibration(
     row.save(update_fields=["state", "decided_by", "decided_at", "comment", "expires_at"])
     _write(row, "calibration.accept" if is_accepted else "calibration.reject", actor, comment)
     return row
+
+
+@atomic
+def reject_unanswered(calibration_id: UUID, *, reason: str) -> bool:
+    """Reject a result about which nobody answered in time.
+
+    Returns:
+        False: somebody answers at this moment, and goes first; nothing was written.
+    """
+    rows = Calibration.objects.filter(pk=calibration_id).select_for_update(
+        skip_locked=True, no_key=True
+    )
+    row = rows.first()
+    if row is None:
+        return False
+    row.state, row.comment = Calibration.State.REJECTED, reason
+    row.save(update_fields=["state", "comment"])
+    account_services.write_audit("calibration.reject", str(row.id), actor=None, reason=reason)
+    return True
 
 
 def _refuse_unsound(row: Calibration) -> None:
@@ -227,7 +243,7 @@ def withdraw_calibration(calibration_id: UUID, *, actor: User, reason: str) -> C
     row.withdrawn_by, row.withdrawn_at = actor, now()
     row.withdrawn_because = _text(reason)
     row.save(update_fields=["state", "withdrawn_by", "withdrawn_at", "withdrawn_because"])
-    batches.recall_corrected(row.id, issued_by=str(actor.pk))
+    calibration_runs().recall_corrected(row.id, issued_by=str(actor.pk))
     _write(row, "calibration.withdraw", actor, reason)
     return row
 

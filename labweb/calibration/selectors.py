@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import UUID
 
 import msgspec
 from django.contrib.postgres.fields import ArrayField
 from django.db.models import F, QuerySet, UUIDField
 
+from labweb.calibration.models import Calibration as Calibration
 from labweb.common.prepared import Given, IsAnyOf, Prepared
 from labweb.common.render import iso
 from labweb.domain.calibration import model, standing
@@ -19,9 +20,8 @@ from labweb.domain.calibration.model import Correction, Quantity, Standing
 from labweb.domain.calibration.order import Reference
 from labweb.domain.calibration.sending import check_sending
 from labweb.domain.errors import Finding, NotFoundError, StateError
-from labweb.domain.runs.job import RunState
+from labweb.domain.runs.job import JobState, RunState
 from labweb.enrollment.selectors import Device
-from labweb.runs.models import Calibration, Job
 
 _COUNTED = [Calibration.State.ACCEPTED, Calibration.State.WITHDRAWN]
 _PEOPLE = ("made_by", "decided_by", "withdrawn_by", "run")
@@ -86,6 +86,27 @@ def ended_calibrations() -> QuerySet[Calibration]:
     return Calibration.objects.filter(state=Calibration.State.MEASURING, run__state__in=ended)
 
 
+class CompletedJob(NamedTuple):
+    """What a job of the run that measures has told, once it was complete."""
+
+    step_id: str
+    action: str
+    args: dict[str, Any]
+    evidence: dict[str, Any]
+    ended_at: datetime | None
+
+
+def completed_jobs(row: Calibration, actions: Collection[str] = ()) -> list[CompletedJob]:
+    """Return the complete jobs of a calibration's run in their order: of some actions, or all."""
+    jobs = row.run.jobs.filter(state=JobState.COMPLETE.value)
+    if actions:
+        jobs = jobs.filter(action__in=actions)
+    return [
+        CompletedJob(job.step_id, job.action, job.args, job.evidence, job.ended_at)
+        for job in jobs.order_by("index")
+    ]
+
+
 def accepted_of(devices: Collection[Device]) -> dict[UUID, list[Calibration]]:
     """Return by device the newest calibration of each quantity that was ever accepted; a query."""
     found: dict[UUID, list[Calibration]] = {}
@@ -116,26 +137,20 @@ OF_LAB = Prepared(
 """The newest calibration of each quantity of each device of a lab that was ever accepted."""
 
 
-def findings_of_sending(jobs: Iterable[Job], *, at: datetime) -> list[Finding]:
-    """List what keeps jobs from going with the numbers that calibrations have given them.
+def findings_of_sending(device: Device, corrected: Any, *, at: datetime) -> list[Finding]:  # noqa: ANN401 - JSON of a job
+    """List what keeps a job of a device from going with the numbers that calibrations gave it.
 
-    Jobs without such numbers ask nothing of the database.
+    Effect:
+        The calibrations stay locked until the command is on disk: who withdraws one waits, and
+        then recalls the job.
     """
-    found: list[Finding] = []
-    for job in jobs:
-        if job.corrections:
-            found += _of_sending(job, msgspec.convert(job.corrections, list[Correction]), at)
-    return found
-
-
-def _of_sending(job: Job, corrections: list[Correction], at: datetime) -> list[Finding]:
-    # Locked until the command is on disk: who withdraws one waits, and then recalls the job.
+    corrections = msgspec.convert(corrected, list[Correction])
     rows = Calibration.objects.filter(
         pk__in=[one.calibration_id for one in corrections]
     ).select_for_update(no_key=True)
-    known = {row.id: _to_domain(row, job.device, at) for row in rows}
-    newest = {row.quantity: row.number for row in accepted_of([job.device]).get(job.device_id, [])}
-    return check_sending(job.device.name, corrections, known, newest)
+    known = {row.id: _to_domain(row, device, at) for row in rows}
+    newest = {row.quantity: row.number for row in accepted_of([device]).get(device.id, [])}
+    return check_sending(device.name, corrections, known, newest)
 
 
 def standing_of(

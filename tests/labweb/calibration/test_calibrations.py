@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+from labweb.calibration import selectors as calibration_selectors
+from labweb.calibration.models import Calibration
+from labweb.calibration.services import calibrations
 from labweb.common.clock import now
 from labweb.domain.calibration.gravimetric import Surroundings
 from labweb.domain.calibration.order import Reference, VolumeOrder
@@ -19,8 +22,8 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.runs import selectors, services
-from labweb.runs.models import Attempt, Calibration, Job, Run
+from labweb.runs import services
+from labweb.runs.models import Attempt, Job, Run
 from labweb.workflows import services as workflow_services
 from tests.builders import (
     MOVE_WATER,
@@ -68,25 +71,25 @@ def finish(row: Calibration) -> None:
 
 def measured(bench: Bench, gain: float = GAIN) -> Calibration:
     """Calibrate pump 1 up to the moment at which a person has to look."""
-    row = services.begin_calibration(
+    row = calibrations.begin_calibration(
         bench.device("pump_1").id, an_order(bench), actor=bench.people["chemist"]
     )
     finish(row)
     weigh(row, gain)
-    assert services.judge_ended() == 1
-    return selectors.find_calibration(row.id)
+    assert calibrations.judge_ended() == 1
+    return calibration_selectors.find_calibration(row.id)
 
 
 def accepted(bench: Bench, gain: float = GAIN) -> Calibration:
     row = measured(bench, gain)
-    return services.decide_calibration(
+    return calibrations.decide_calibration(
         row.id, actor=bench.people["approver"], is_accepted=True, comment="fine"
     )
 
 
 def standing(bench: Bench) -> tuple[str, tuple[str, ...]]:
-    (row,) = selectors.accepted_of([bench.device("pump_1")])[bench.device("pump_1").id]
-    found, reasons = selectors.standing_of(row, bench.device("pump_1"), at=now())
+    (row,) = calibration_selectors.accepted_of([bench.device("pump_1")])[bench.device("pump_1").id]
+    found, reasons = calibration_selectors.standing_of(row, bench.device("pump_1"), at=now())
     return found.value, reasons
 
 
@@ -104,10 +107,10 @@ def test_a_run_of_weighings_becomes_a_result_that_waits_for_a_person(bench: Benc
 def test_who_measured_does_not_accept_and_the_next_plan_is_corrected(bench: Bench) -> None:
     row = measured(bench)
     with pytest.raises(ForbiddenError):
-        services.decide_calibration(
+        calibrations.decide_calibration(
             row.id, actor=bench.people["chemist"], is_accepted=True, comment=""
         )
-    services.decide_calibration(
+    calibrations.decide_calibration(
         row.id, actor=bench.people["approver"], is_accepted=True, comment="fine"
     )
     assert standing(bench) == ("in_force", ())
@@ -121,15 +124,15 @@ def test_a_result_with_findings_is_rejected_and_never_accepted(bench: Bench) -> 
     row = measured(bench, gain=0.5)
     assert [one["code"] for one in row.findings] == ["calibration.gain"]
     with pytest.raises(PreconditionError) as caught:
-        services.decide_calibration(
+        calibrations.decide_calibration(
             row.id, actor=bench.people["approver"], is_accepted=True, comment=""
         )
     assert caught.value.findings[0].code == "calibration.gain"
-    services.decide_calibration(
+    calibrations.decide_calibration(
         row.id, actor=bench.people["approver"], is_accepted=False, comment="wrong syringe"
     )
     with pytest.raises(StateError):
-        services.decide_calibration(
+        calibrations.decide_calibration(
             row.id, actor=bench.people["admin"], is_accepted=True, comment=""
         )
 
@@ -137,13 +140,13 @@ def test_a_result_with_findings_is_rejected_and_never_accepted(bench: Bench) -> 
 def test_a_newer_one_supersedes_and_a_withdrawn_one_brings_none_back(bench: Bench) -> None:
     first, second = accepted(bench), accepted(bench, 0.98)
     assert (first.number, second.number) == (1, 2)
-    (row,) = selectors.accepted_of([bench.device("pump_1")])[first.device_id]
+    (row,) = calibration_selectors.accepted_of([bench.device("pump_1")])[first.device_id]
     assert row.id == second.id
     with pytest.raises(DefinitionError):
-        services.withdraw_calibration(second.id, actor=bench.people["approver"], reason=" ")
-    services.withdraw_calibration(second.id, actor=bench.people["approver"], reason="leaks")
+        calibrations.withdraw_calibration(second.id, actor=bench.people["approver"], reason=" ")
+    calibrations.withdraw_calibration(second.id, actor=bench.people["approver"], reason="leaks")
     assert standing(bench) == ("withdrawn", ("it was withdrawn",))
-    assert selectors.find_calibration(first.id).result == first.result
+    assert calibration_selectors.find_calibration(first.id).result == first.result
 
 
 def test_it_ends_at_its_due_date_and_with_any_change_of_the_device(bench: Bench) -> None:
@@ -165,29 +168,29 @@ def test_a_device_that_was_changed_since_it_was_measured_is_not_accepted(bench: 
     device.transport = "virtual:another"
     device.save(update_fields=["transport"])
     with pytest.raises(PreconditionError) as caught:
-        services.decide_calibration(
+        calibrations.decide_calibration(
             row.id, actor=bench.people["approver"], is_accepted=True, comment=""
         )
     assert caught.value.code == "calibration.changed"
 
 
 def test_a_run_that_ends_early_gives_no_result(bench: Bench) -> None:
-    row = services.begin_calibration(
+    row = calibrations.begin_calibration(
         bench.device("pump_1").id, an_order(bench), actor=bench.people["chemist"]
     )
     services.abort_run(row.run_id, actor=bench.people["chemist"], reason="no water")
-    services.judge_ended()
-    row = selectors.find_calibration(row.id)
+    calibrations.judge_ended()
+    row = calibration_selectors.find_calibration(row.id)
     assert (row.state, row.findings[0]["code"]) == ("failed", "calibration.incomplete")
 
 
 def test_a_reading_that_is_missing_is_named(bench: Bench) -> None:
-    row = services.begin_calibration(
+    row = calibrations.begin_calibration(
         bench.device("pump_1").id, an_order(bench), actor=bench.people["chemist"]
     )
     finish(row)
-    services.judge_ended()
-    row = selectors.find_calibration(row.id)
+    calibrations.judge_ended()
+    row = calibration_selectors.find_calibration(row.id)
     assert row.state == "failed"
     assert {one["code"] for one in row.findings} == {"calibration.no_reading"}
 
@@ -203,7 +206,9 @@ def test_everything_that_speaks_against_an_order_is_told_at_once(bench: Bench) -
         reference=Reference(name="", certificate="", expanded=0.0, due_on=date(2020, 1, 1)),
     )
     with pytest.raises(PreconditionError) as caught:
-        services.begin_calibration(bench.device("pump_1").id, bad, actor=bench.people["chemist"])
+        calibrations.begin_calibration(
+            bench.device("pump_1").id, bad, actor=bench.people["chemist"]
+        )
     assert [one.code.removeprefix("calibration.") for one in caught.value.findings] == [
         "not_water", "not_air", "no_reference", "no_reference", "reference_expired",
         "too_few_points", "tolerance", "validity", "not_on_balance",
@@ -214,7 +219,7 @@ def test_everything_that_speaks_against_an_order_is_told_at_once(bench: Bench) -
 def test_what_is_no_pump_and_no_balance_is_refused(bench: Bench) -> None:
     order = an_order(bench, balance_id=bench.device("heater_1").id)
     with pytest.raises(PreconditionError) as caught:
-        services.begin_calibration(
+        calibrations.begin_calibration(
             bench.device("heater_1").id, order, actor=bench.people["chemist"]
         )
     codes = {one.code for one in caught.value.findings}
@@ -223,15 +228,15 @@ def test_what_is_no_pump_and_no_balance_is_refused(bench: Bench) -> None:
 
 def test_two_at_once_of_one_device_are_refused(bench: Bench) -> None:
     pump, chemist = bench.device("pump_1").id, bench.people["chemist"]
-    services.begin_calibration(pump, an_order(bench), actor=chemist)
+    calibrations.begin_calibration(pump, an_order(bench), actor=chemist)
     with pytest.raises(StateError) as caught:
-        services.begin_calibration(pump, an_order(bench), actor=chemist)
+        calibrations.begin_calibration(pump, an_order(bench), actor=chemist)
     assert caught.value.code == "calibration.under_way"
 
 
 def test_an_observer_calibrates_nothing(bench: Bench) -> None:
     with pytest.raises(ForbiddenError):
-        services.begin_calibration(
+        calibrations.begin_calibration(
             bench.device("pump_1").id, an_order(bench), actor=bench.people["observer"]
         )
 
@@ -282,7 +287,7 @@ def test_a_number_that_is_wrong_by_now_is_not_sent(bench: Bench, change: str) ->
     row = accepted(bench)
     run = to_corrected(bench)
     if change == "withdrawn":
-        services.withdraw_calibration(row.id, actor=bench.people["approver"], reason="leaks")
+        calibrations.withdraw_calibration(row.id, actor=bench.people["approver"], reason="leaks")
     else:
         device = bench.device("pump_1")
         device.admitted_at = now()

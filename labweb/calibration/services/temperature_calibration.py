@@ -8,6 +8,8 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.calibration.models import Calibration
+from labweb.calibration.selectors import CompletedJob, completed_jobs
 from labweb.common.clock import now
 from labweb.domain.calibration.judge import Criteria, Result, judge
 from labweb.domain.calibration.model import Quantity
@@ -21,12 +23,10 @@ from labweb.domain.calibration.thermal import (
 from labweb.domain.enrollment.device import Device as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.job import JobState
 from labweb.domain.workflows.calibrating import comparison_ids, thermal_workflow
 from labweb.domain.workflows.passes.roles import HOLD_TOLERANCE_C, acting_node, plays
 from labweb.domain.workflows.passes.view import LabView
 from labweb.enrollment.selectors import Device
-from labweb.runs.models import Calibration, Job
 
 _HEATS = ("heater", "thermostat")
 
@@ -129,7 +129,7 @@ def _thermometer(
 
 def _comparisons(row: Calibration, repeats: int) -> tuple[list[Comparison], list[Finding]]:
     """Read what both thermometers told out of the jobs of a run."""
-    done = row.run.jobs.filter(state=JobState.COMPLETE.value, action__in=("hold", "measure"))
+    done = completed_jobs(row, ("hold", "measure"))
     jobs = {job.step_id: job for job in done}
     begun: float | None = None
     made, missing = [], []
@@ -155,7 +155,7 @@ def _comparisons(row: Calibration, repeats: int) -> tuple[list[Comparison], list
     return made, missing
 
 
-def _told_c(job: Job | None) -> float | None:
+def _told_c(job: CompletedJob | None) -> float | None:
     report: Mapping[str, Any] = {} if job is None else job.evidence.get("report", {})
     value = (report.get("evidence") or {}).get("temperature_c")
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None

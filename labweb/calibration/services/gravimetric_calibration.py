@@ -8,6 +8,8 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.calibration.models import Calibration
+from labweb.calibration.selectors import CompletedJob, completed_jobs
 from labweb.common.clock import now
 from labweb.domain.calibration.gravimetric import Weighing, check_evaporation, points_of
 from labweb.domain.calibration.judge import Criteria, Result, judge
@@ -15,7 +17,6 @@ from labweb.domain.calibration.model import Quantity
 from labweb.domain.calibration.order import VolumeOrder, check_order, levels_ul
 from labweb.domain.enrollment.device import Device as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.runs.job import JobState
 from labweb.domain.workflows.calibrating import (
     gravimetric_workflow,
     weighing_ids,
@@ -26,7 +27,6 @@ from labweb.domain.workflows.passes.pumping import pump_node
 from labweb.domain.workflows.passes.roles import acting_node, plays, setting
 from labweb.domain.workflows.passes.view import LabView
 from labweb.enrollment.selectors import Device
-from labweb.runs.models import Calibration, Job
 
 
 class _Pump(NamedTuple):
@@ -142,8 +142,8 @@ def _pan(view: LabView, balance: DeviceData, target: UUID, found: list[Finding])
 
 def _weighings(row: Calibration) -> tuple[list[Weighing], list[Finding]]:
     """Read what a run weighed and pumped out of its own jobs."""
-    jobs: dict[str, list[Job]] = {}
-    for job in row.run.jobs.filter(state=JobState.COMPLETE.value).order_by("index"):
+    jobs: dict[str, list[CompletedJob]] = {}
+    for job in completed_jobs(row):
         jobs.setdefault(job.step_id, []).append(job)
     begun: float | None = None
     made, missing = [], []
@@ -170,7 +170,7 @@ def _weighings(row: Calibration) -> tuple[list[Weighing], list[Finding]]:
     return made, missing
 
 
-def _mass_mg(found: list[Job]) -> float | None:
+def _mass_mg(found: list[CompletedJob]) -> float | None:
     report: Mapping[str, Any] = found[-1].evidence.get("report", {}) if found else {}
     mass = (report.get("evidence") or {}).get("mass_mg")
     return float(mass) if isinstance(mass, int | float) and not isinstance(mass, bool) else None

@@ -6,6 +6,8 @@ from typing import Any
 
 import msgspec
 
+from labweb.calibration.models import Calibration
+from labweb.calibration.selectors import completed_jobs
 from labweb.common.clock import now
 from labweb.domain.calibration.buffers import (
     RESOLUTION_PH,
@@ -18,13 +20,11 @@ from labweb.domain.calibration.model import Quantity
 from labweb.domain.calibration.order import PhOrder, check_ph_order
 from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.runs.job import JobState
 from labweb.domain.workflows.calibrating import buffer_workflow, reading_id
 from labweb.domain.workflows.passes.pumping import pump_node
 from labweb.domain.workflows.passes.roles import acting_node, plays
 from labweb.domain.workflows.passes.view import LabView
 from labweb.enrollment.selectors import Device
-from labweb.runs.models import Calibration
 
 
 def drawn(view: LabView, row: Device, order: PhOrder) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -93,7 +93,7 @@ def judged(row: Calibration) -> tuple[list[Finding], Result | None]:
 
 
 def _readings(row: Calibration, order: PhOrder) -> tuple[list[BufferReading], list[Finding]]:
-    done = row.run.jobs.filter(state=JobState.COMPLETE.value, action="measure")
+    done = completed_jobs(row, ("measure",))
     jobs = {job.step_id: job for job in done}
     begun: float | None = None
     made, missing = [], []

@@ -9,16 +9,19 @@ from uuid import uuid4
 import pytest
 
 from labweb.approvals.models import ApprovalRequest
+from labweb.calibration import selectors as calibration_selectors
+from labweb.calibration.models import Calibration
+from labweb.calibration.services import calibrations
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.calibration.order import Reference, TemperatureOrder
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import InfeasibleError, PreconditionError
 from labweb.enrollment import services as enrollment_services
-from labweb.runs import selectors, services
-from labweb.runs.models import Calibration, Job, Run
+from labweb.runs import services
+from labweb.runs.models import Job, Run
 from tests.builders import HEAT, Bench
-from tests.labweb.runs.test_calibrating import finish
+from tests.labweb.calibration.test_calibrations import finish
 from tests.labweb.web import read, signed_in
 
 SET_POINTS_C = [30.0, 55.0, 80.0]
@@ -52,7 +55,7 @@ def an_order(bench: Bench, **changes: Any) -> TemperatureOrder:  # noqa: ANN401
 def begun(bench: Bench, **changes: Any) -> Calibration:  # noqa: ANN401
     order = an_order(bench, **changes)
     heater = bench.device("heater_1").id
-    return services.begin_calibration(heater, order, actor=bench.people["chemist"])
+    return calibrations.begin_calibration(heater, order, actor=bench.people["chemist"])
 
 
 def end(bench: Bench, row: Calibration) -> None:
@@ -80,13 +83,13 @@ def measured(bench: Bench, **changes: Any) -> Calibration:  # noqa: ANN401
     row = begun(bench, **changes)
     end(bench, row)
     compare(row)
-    assert services.judge_ended() == 1
-    return selectors.find_calibration(row.id)
+    assert calibrations.judge_ended() == 1
+    return calibration_selectors.find_calibration(row.id)
 
 
 def accepted(bench: Bench) -> Calibration:
     row = measured(bench)
-    return services.decide_calibration(
+    return calibrations.decide_calibration(
         row.id, actor=bench.people["approver"], is_accepted=True, comment="fine"
     )
 
@@ -107,7 +110,7 @@ def test_slope_and_offset_are_found_accepted_and_sent_from_the_next_plan_on(wet:
     assert row.result is not None
     assert row.result["gain"] == pytest.approx(1 / 1.03, abs=1e-3)
     assert row.points[0]["comparison"]["sent_c"] == 30.0
-    services.decide_calibration(
+    calibrations.decide_calibration(
         row.id, actor=wet.people["approver"], is_accepted=True, comment="fine"
     )
     plan = services.preview(wet.lab, wet.version(HEAT).document).plan
@@ -144,11 +147,11 @@ def test_a_certificate_that_ended_before_the_last_reading_is_a_finding(wet: Benc
     end(wet, row)
     compare(row)
     Run.objects.filter(pk=row.run_id).update(ended_at=now() + timedelta(days=2))
-    services.judge_ended()
-    row = selectors.find_calibration(row.id)
+    calibrations.judge_ended()
+    row = calibration_selectors.find_calibration(row.id)
     assert [one["code"] for one in row.findings] == ["calibration.reference_expired"]
     with pytest.raises(PreconditionError):
-        services.decide_calibration(
+        calibrations.decide_calibration(
             row.id, actor=wet.people["approver"], is_accepted=True, comment=""
         )
 
@@ -156,8 +159,8 @@ def test_a_certificate_that_ended_before_the_last_reading_is_a_finding(wet: Benc
 def test_a_reading_that_is_missing_is_named(wet: Bench) -> None:
     row = begun(wet)
     end(wet, row)
-    services.judge_ended()
-    row = selectors.find_calibration(row.id)
+    calibrations.judge_ended()
+    row = calibration_selectors.find_calibration(row.id)
     assert row.state == "failed"
     assert len(row.findings) == 9
     assert {one["code"] for one in row.findings} == {"calibration.no_reading"}
@@ -193,7 +196,7 @@ def test_an_empty_vessel_and_what_does_not_heat_are_refused(bench: Bench) -> Non
         begun(bench)
     assert caught.value.code == "calibration.vessel_empty"
     with pytest.raises(PreconditionError) as caught:
-        services.begin_calibration(
+        calibrations.begin_calibration(
             bench.device("balance_1").id, an_order(bench), actor=bench.people["chemist"]
         )
     assert caught.value.code == "calibration.not_a_heater"

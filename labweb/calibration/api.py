@@ -11,7 +11,22 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
-from labweb.approvals import selectors as approval_selectors
+from labweb.calibration import selectors
+from labweb.calibration.answers import (
+    CalibratedQuantity,
+    CalibrationChange,
+    CalibrationDetail,
+    CalibrationPoint,
+    CalibrationResult,
+    CalibrationRights,
+    CalibrationRun,
+    CalibrationsOfDevice,
+    CalibrationState,
+    StatedAccuracy,
+)
+from labweb.calibration.models import Calibration
+from labweb.calibration.services import calibrations
+from labweb.calibration.services.calibration_runs import calibration_runs
 from labweb.common.answers import NamedRef
 from labweb.common.clock import now
 from labweb.common.lists import HISTORY
@@ -26,20 +41,6 @@ from labweb.domain.runs.job import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
-from labweb.runs import selectors, services
-from labweb.runs.answers.calibrations import (
-    CalibratedQuantity,
-    CalibrationChange,
-    CalibrationDetail,
-    CalibrationPoint,
-    CalibrationResult,
-    CalibrationRights,
-    CalibrationRun,
-    CalibrationsOfDevice,
-    CalibrationState,
-    StatedAccuracy,
-)
-from labweb.runs.models import Calibration
 
 _MEASURED = (Quantity.VOLUME, Quantity.PH, Quantity.TEMPERATURE)
 """Quantities that a workflow measures."""
@@ -105,7 +106,7 @@ def _begun(device_id: UUID, order: Order, user: User) -> CalibrationDetail:
     for one in (device_id, order.device_id):
         enrollment_selectors.visible_device(one, user)
     resource_selectors.require_seen(user, order.vessel_ids)
-    row = services.begin_calibration(device_id, order, actor=user)
+    row = calibrations.begin_calibration(device_id, order, actor=user)
     return calibration_detail(selectors.find_calibration(row.id), user)
 
 
@@ -129,7 +130,7 @@ class DecideCalibration(Endpoint):
         user = user_of(request)
         wanted = body(request, CalibrationDecision)
         _find(calibration_id, user)
-        services.decide_calibration(
+        calibrations.decide_calibration(
             calibration_id, actor=user, is_accepted=wanted.is_accepted, comment=wanted.comment
         )
         return calibration_detail(selectors.find_calibration(calibration_id), user)
@@ -145,7 +146,7 @@ class WithdrawCalibration(Endpoint):
         user = user_of(request)
         wanted = body(request, CalibrationWithdrawal)
         _find(calibration_id, user)
-        services.withdraw_calibration(calibration_id, actor=user, reason=wanted.reason)
+        calibrations.withdraw_calibration(calibration_id, actor=user, reason=wanted.reason)
         return calibration_detail(selectors.find_calibration(calibration_id), user)
 
 
@@ -256,7 +257,7 @@ def calibration_detail(row: Calibration, user: User) -> CalibrationDetail:
         withdrawn_by=None if row.withdrawn_by is None else row.withdrawn_by.printed_name,
         withdrawn_at=row.withdrawn_at,
         withdrawn_because=row.withdrawn_because,
-        request_id=approval_selectors.about_calibration(row.id).id
+        request_id=calibration_runs().request_id_of(row.id)
         if row.state == Calibration.State.AWAITING
         else None,
         can=CalibrationRights(withdraw=may_decide and row.state == Calibration.State.ACCEPTED),
