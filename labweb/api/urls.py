@@ -55,4 +55,5 @@ urlpatterns = [
     path("", include("labweb.calibration.urls")),
     path("", include("labweb.workflows.urls")),
     path("", include("labweb.runs.urls")),
+    path("", include("labweb.records.urls")),
 ]

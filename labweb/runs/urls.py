@@ -4,20 +4,7 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.runs.api import (
-    approvals,
-    crate,
-    custody,
-    drawing,
-    files,
-    happened,
-    hosts,
-    lab,
-    provenance,
-    report,
-    reservations,
-    runs,
-)
+from labweb.runs.api import approvals, custody, drawing, hosts, lab, reservations, runs
 
 urlpatterns = [
     path("lab", lab.LabView.as_view()),
@@ -33,24 +20,6 @@ urlpatterns = [
     path("runs/<uuid:run_id>/pause", runs.PauseRun.as_view()),
     path("runs/<uuid:run_id>/resume", runs.ResumeRun.as_view()),
     path("runs/<uuid:run_id>/abort", runs.AbortRun.as_view()),
-    path("runs/<uuid:run_id>/report", report.ReportOfRun.as_view()),
-    path("runs/<uuid:run_id>/provenance", provenance.RunProvenance.as_view()),
-    path("runs/<uuid:run_id>/crate", crate.RunCrate.as_view()),
-    path("runs/<uuid:run_id>/eln", crate.RunEln.as_view()),
-    path("files", files.Files.as_view()),
-    path("files/incoming", files.IncomingFiles.as_view()),
-    path("files/incoming/<uuid:incoming_id>", files.IncomingFile.as_view()),
-    path("files/<uuid:file_id>", files.OneFile.as_view()),
-    path("files/<uuid:file_id>/content", files.FileContent.as_view()),
-    path("files/<uuid:file_id>/provenance", provenance.FileProvenance.as_view()),
-    path("readings/<uuid:reading_id>/provenance", provenance.ReadingProvenance.as_view()),
-    path("readings/<uuid:reading_id>/points", files.ReadingPoints.as_view()),
-    path("readings", files.Readings.as_view()),
-    path("lots/<uuid:lot_id>/provenance", provenance.LotProvenance.as_view()),
-    path("resources/<uuid:resource_id>", happened.OneResource.as_view()),
-    path("resources/<uuid:resource_id>/events", happened.ResourceEvents.as_view()),
-    path("resources/<uuid:resource_id>/provenance", provenance.ResourceProvenance.as_view()),
-    path("resources/<uuid:resource_id>/conditions", provenance.Conditions.as_view()),
     path("jobs/<uuid:job_id>/resolve", runs.ResolveJob.as_view()),
     path("jobs/<uuid:job_id>/confirm", runs.ConfirmJob.as_view()),
     path("jobs/<uuid:job_id>/recover", runs.RecoverJob.as_view()),

@@ -90,6 +90,7 @@ INSTALLED_APPS = [
     "labweb.workflows",
     "labweb.approvals",
     "labweb.runs",
+    "labweb.records",
     "rest_framework",
     "drf_spectacular",
     "channels",

@@ -15,6 +15,7 @@ APPS = (
     "campaigns",
     "crutd",
     "enrollment",
+    "records",
     "resources",
     "runs",
     "telemetry",

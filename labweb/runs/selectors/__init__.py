@@ -26,10 +26,12 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.answers.lab import LabCounts, LabStop, LabSummary, StopHost
-from labweb.runs.models import Attempt, HostEvent, Outbox
+from labweb.runs.models import Attempt as Attempt
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import DeviceHalt as DeviceHalt
+from labweb.runs.models import HostEvent as HostEvent
 from labweb.runs.models import Job as Job
+from labweb.runs.models import Outbox as Outbox
 from labweb.runs.models import Run as Run
 from labweb.runs.selectors.custody import find_move as find_move
 from labweb.runs.selectors.custody import hands_between as hands_between

@@ -8,10 +8,10 @@ from labweb.common.clock import now
 from labweb.crutd.api import event_rows
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.runs.edge import Report
+from labweb.records.services.ledger_rebuild import differences, rebuild
 from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Job
-from labweb.runs.services.rebuilding import differences, rebuild
 from tests.builders import Bench, a_started_run
 from tests.labweb.runs.hosts import Host, a_heating_run
 from tests.labweb.runs.test_aborting import abort, shown

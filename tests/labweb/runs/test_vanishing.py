@@ -14,10 +14,10 @@ from labweb.domain.messages import DeviceConfig
 from labweb.domain.runs import halting, vanishing
 from labweb.domain.runs.edge import Report
 from labweb.domain.runs.stands import Stands, read_stands
+from labweb.records.services.ledger_rebuild import differences
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
 from labweb.runs.selectors import lab_summary
-from labweb.runs.services.rebuilding import differences
 from labweb.workflows import services as workflow_services
 from tests.builders import Bench
 from tests.labweb.runs.hosts import Host, a_heating_run
