@@ -32,8 +32,8 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
-from labweb.runs.api.drawing import workflow_rows
-from labweb.runs.api.render import names_of, render_rows
+from labweb.runs.api.run_details import names_of, render_rows
+from labweb.runs.api.workflows import workflow_rows
 from labweb.runs.selectors import Job, Run
 
 _MOST = 8

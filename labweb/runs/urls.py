@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.runs.api import approvals, custody, drawing, hosts, lab, reservations, runs
+from labweb.runs.api import approvals, custody, hosts, lab, reservations, runs, workflows
 
 urlpatterns = [
     path("lab", lab.LabView.as_view()),
     path("lab/stop", lab.StopLab.as_view()),
     path("lab/reset", lab.ResetLab.as_view()),
-    path("workflows", drawing.Workflows.as_view()),
-    path("workflows/check", drawing.Check.as_view()),
-    path("workflows/<uuid:workflow_id>", drawing.OneWorkflow.as_view()),
+    path("workflows", workflows.Workflows.as_view()),
+    path("workflows/check", workflows.Check.as_view()),
+    path("workflows/<uuid:workflow_id>", workflows.OneWorkflow.as_view()),
     path("runs", runs.Runs.as_view()),
     path("runs/<uuid:run_id>", runs.OneRun.as_view()),
     path("runs/<uuid:run_id>/events", runs.RunEvents.as_view()),

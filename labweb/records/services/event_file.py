@@ -34,7 +34,7 @@ from labweb.records.services.ledger_rebuild import differences
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.selectors import HostEvent
-from labweb.runs.services.job_states_from_events import write_job_states
+from labweb.runs.services.fault_recovery.job_states_from_events import write_job_states
 
 _CHUNK = 2000
 _ORDER = ("row", "import", "event", "row", "host_event")

@@ -8,7 +8,10 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.past import rebuild_differences
 from labweb.domain.errors import Finding, ReconcileError
 from labweb.resources.selectors import Lab
-from labweb.runs.services.job_states_from_events import job_differences, write_job_states
+from labweb.runs.services.fault_recovery.job_states_from_events import (
+    job_differences,
+    write_job_states,
+)
 
 
 def differences(lab: Lab) -> list[Finding]:

@@ -14,7 +14,7 @@ from labweb.common.answers import ApiAnswer, KeyedRef
 from labweb.domain.calibration.model import Correction
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.recovery import Choice
-from labweb.runs.answers.rows import RecoveryName
+from labweb.runs.answers.run_rows import RecoveryName
 
 PassedBy = Literal["skip", "hand", "change"]
 PlungerAnswer = Literal["happened", "did_not", "partly"]

@@ -30,8 +30,8 @@ from labweb.runs.answers.approvals import (
     ApprovalRow,
     MaterialChange,
 )
-from labweb.runs.api import render
-from labweb.runs.api.requests import render_request
+from labweb.runs.api import run_details
+from labweb.runs.api.approval_rows import render_request
 from labweb.runs.api.runs import visible, visible_runs
 from labweb.runs.models import Run
 
@@ -84,7 +84,7 @@ class OneRequest(Endpoint):
         if row.calibration_id is not None:
             result = result_of(calibration_selectors.find_calibration(row.calibration_id), user)
             return ApprovalDetail(**told, calibration=result)
-        plan = render.render_plan(run, selectors.jobs_of(run))
+        plan = run_details.render_plan(run, selectors.jobs_of(run))
         return ApprovalDetail(**told, plan=plan, materials=_materials(run))
 
 

@@ -7,9 +7,9 @@ from uuid import UUID
 
 from labweb.domain.runs.holding import Mode
 from labweb.domain.runs.job import RunState
-from labweb.runs.answers.rows import RunHoldRow, RunWait
+from labweb.runs.answers.run_rows import RunHoldRow, RunWait
 from labweb.runs.models import Run
-from labweb.runs.selectors.holding import holds_of
+from labweb.runs.selectors.run_holds import holds_of
 
 _WAITING = {RunState.QUEUED.value, RunState.RUNNING.value}
 _SHARED = {Mode.DRAW.value, Mode.POUR.value}

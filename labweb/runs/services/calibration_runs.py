@@ -11,9 +11,9 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.domain.workflows.passes.view import LabView
 from labweb.resources.selectors import Lab
-from labweb.runs.services import batches
-from labweb.runs.services.picture import lab_view
-from labweb.runs.services.start import start_run
+from labweb.runs.services.execution import host_batches
+from labweb.runs.services.planning.lab_view import lab_view
+from labweb.runs.services.planning.start import start_run
 from labweb.workflows import services as workflow_services
 
 
@@ -44,7 +44,7 @@ def recall_corrected(calibration_id: UUID, *, issued_by: str) -> int:
     Returns:
         How many jobs were asked for.
     """
-    return batches.recall_corrected(calibration_id, issued_by=issued_by)
+    return host_batches.recall_corrected(calibration_id, issued_by=issued_by)
 
 
 def ask_person(  # noqa: PLR0913 - what a request says

@@ -14,8 +14,8 @@ from labweb.runs import services
 from labweb.runs.models import Job
 from tests.builders import Bench, a_started_run
 from tests.labweb.runs.hosts import Host, a_heating_run
-from tests.labweb.runs.test_aborting import abort, shown
-from tests.labweb.runs.test_halting import UNKNOWN, agrees, data, holding, job, next_one
+from tests.labweb.runs.test_abort import abort, shown
+from tests.labweb.runs.test_device_halts import UNKNOWN, agrees, data, holding, job, next_one
 
 
 def test_what_nobody_can_tell_of_a_setting_is_unknown_to_host_and_server_and_their_events(

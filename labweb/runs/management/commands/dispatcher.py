@@ -29,7 +29,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
-from labweb.runs.services.control import tell_stop
+from labweb.runs.services.stopping.pause_and_stop import tell_stop
 from labweb.telemetry import services as telemetry_services
 
 logger = logging.getLogger(__name__)
