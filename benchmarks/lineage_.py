@@ -14,9 +14,9 @@ from benchmarks.figures import Figure, Options, p95_ms, timed
 from benchmarks.history import DEPTH, PER_ROUND, analyze, make_history, verified
 from benchmarks.labs import a_lab, grow
 from labweb.crutd.selectors.lineage import DEEPEST, lineage
+from labweb.records.selectors import provenance
 from labweb.resources.models import Resource
 from labweb.resources.selectors import Lab
-from labweb.runs.selectors import provenance
 
 EVENTS = 1_000_000
 LIMIT_MS = 100.0

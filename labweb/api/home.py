@@ -17,6 +17,7 @@ from labweb.api.answers.home import HomeNeed, HomePage, NeedKind
 from labweb.api.answers.search import SearchHit, SearchHits
 from labweb.api.devices import device_rows, host_rows
 from labweb.approvals import selectors as approval_selectors
+from labweb.calibration import selectors as calibration_selectors
 from labweb.common import disk
 from labweb.common.reading import one_moment
 from labweb.common.requests import Parameter
@@ -31,8 +32,8 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
-from labweb.runs.api.drawing import workflow_rows
-from labweb.runs.api.render import names_of, render_rows
+from labweb.runs.api.run_details import names_of, render_rows
+from labweb.runs.api.workflows import workflow_rows
 from labweb.runs.selectors import Job, Run
 
 _MOST = 8
@@ -102,7 +103,7 @@ def _needs(
             job.state_at, f"/runs/{job.run_id}?job={job.id}", "Open",
         )  # fmt: skip
         yield replace(need, run_id=job.run_id, job_id=job.id)
-    measured = run_selectors.measured_in(shown).values("pk")
+    measured = calibration_selectors.measured_in(shown).values("pk")
     about = Q(run_id__in=shown) | Q(calibration_id__in=measured)
     for row in approval_selectors.requests_of(lab).filter(about, state="open"):
         need = _need(

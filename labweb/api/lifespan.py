@@ -13,7 +13,7 @@ from django.conf import settings
 from django.db import OperationalError, connection
 
 from labweb.common.heap import freeze_heap
-from labweb.runs.api.render import render_run
+from labweb.runs.api.run_details import render_run
 from labweb.runs.services import rehearse_start
 
 logger = logging.getLogger(__name__)

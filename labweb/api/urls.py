@@ -52,6 +52,8 @@ urlpatterns = [
     path("", include("labweb.enrollment.urls")),
     path("", include("labweb.crutd.urls")),
     path("", include("labweb.telemetry.urls")),
+    path("", include("labweb.calibration.urls")),
     path("", include("labweb.workflows.urls")),
     path("", include("labweb.runs.urls")),
+    path("", include("labweb.records.urls")),
 ]

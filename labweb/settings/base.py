@@ -86,9 +86,11 @@ INSTALLED_APPS = [
     "labweb.enrollment",
     "labweb.crutd",
     "labweb.telemetry",
+    "labweb.calibration",
     "labweb.workflows",
     "labweb.approvals",
     "labweb.runs",
+    "labweb.records",
     "rest_framework",
     "drf_spectacular",
     "channels",
@@ -264,6 +266,10 @@ TELEMETRY_KEEP_S = {
     3600: float(os.environ.get("LABWEB_TELEMETRY_KEEP_1H_S", "157680000")),
 }
 """How old samples (0), and buckets of so many seconds, grow before they are trimmed."""
+
+CALIBRATION_RUNS = "labweb.runs.services.calibration_runs"
+"""What starts the runs of calibrations, recalls their numbers and asks a second person: as
+`labweb.calibration.services.calibration_runs` says."""
 
 LOGGING = {
     "version": 1,

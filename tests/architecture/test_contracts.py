@@ -21,6 +21,11 @@ FORBIDDEN_IMPORTS = [
     # contract, importing file, what it must not import
     ("floors", "labweb/accounts/services.py", "labweb.runs.services"),
     ("floors", "labweb/workflows/services.py", "labweb.approvals.services"),
+    ("floors", "labweb/calibration/services.py", "labweb.runs.services"),
+    ("floors", "labweb/calibration/services.py", "labweb.approvals.services"),
+    ("floors", "labweb/calibration/services.py", "labweb.crutd.services"),
+    ("floors", "labweb/runs/services.py", "labweb.records.services"),
+    ("floors", "labweb/records/services.py", "labweb.fleet.services"),
     ("floors", "labweb/newcomer.py", "labweb.domain.errors"),
     ("app", "labweb/runs/models.py", "labweb.runs.services"),
     ("app", "labweb/runs/services.py", "labweb.runs.live"),
@@ -60,6 +65,8 @@ FORBIDDEN_IMPORTS = [
     ("viser", "twin/mutant.py", "viser"),
     ("viser", "labweb/runs/services.py", "viser"),
     ("models", "labweb/runs/services.py", "labweb.accounts.models"),
+    ("models", "labweb/runs/services.py", "labweb.calibration.models"),
+    ("models", "labweb/records/services.py", "labweb.runs.models"),
     ("acyclic", "twin/server.py", "twin.circle"),
     ("acyclic", "workers/base/config.py", "workers.base.celery_apps"),
     ("simulators", "fixtures/instruments/mutant.py", "drivers.base"),
@@ -118,7 +125,7 @@ def floors_to_build() -> list[str]:
     ]
     parts = [
         f"labweb.{app}.{part}"
-        for app in ("accounts", "approvals", "runs", "workflows")
+        for app in ("accounts", "approvals", "calibration", "fleet", "records", "runs", "workflows")
         for part in ("models", "selectors", "services", "tasks", "live", "api")
     ]
     others = ["labweb.common.models", "fixtures.instruments", "deploy.embedded"]

@@ -8,8 +8,8 @@ from uuid import UUID
 
 from labweb.api.answers.devices import DeviceRow, HostRow
 from labweb.common.answers import ApiAnswer
-from labweb.runs.answers.drawing import WorkflowOverview
-from labweb.runs.answers.rows import RunRow
+from labweb.runs.answers.run_rows import RunRow
+from labweb.runs.answers.workflows import WorkflowOverview
 
 NeedKind = Literal[
     "in_doubt",

@@ -95,7 +95,7 @@ def _page(request: Request, rows: Collection[Resource]) -> tuple[list[Resource],
 
 
 class OneResource(Endpoint):
-    """One resource; the floor above names the runs of its events (`labweb.runs.api.happened`)."""
+    """One resource; `labweb.records.api.resource_history` names the runs of its events."""
 
     def get(self, request: Request, resource_id: UUID) -> ResourceDetail:
         """Return a resource with what happened to it."""

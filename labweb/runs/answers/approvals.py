@@ -9,10 +9,10 @@ from uuid import UUID
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from labweb.calibration.answers import CalibrationChange
 from labweb.common.answers import ApiAnswer, NumberedRef
-from labweb.runs.answers.calibrations import CalibrationChange
 from labweb.runs.answers.plans import PlanView
-from labweb.runs.answers.rows import RunWorkflow
+from labweb.runs.answers.run_rows import RunWorkflow
 
 RequestState = Literal["open", "approved", "rejected", "withdrawn", "expired"]
 RequestAbout = Literal["run", "calibration"]

@@ -14,7 +14,7 @@ from labweb.common.answers import ApiAnswer, KeyedRef
 from labweb.domain.calibration.correction import Correction
 from labweb.domain.runs.after_failure.recovery_choices import PersonChoice
 from labweb.domain.runs.states.job_states import JobState
-from labweb.runs.answers.rows import RecoveryName
+from labweb.runs.answers.run_rows import RecoveryName
 
 PassedBy = Literal["skip", "hand", "change"]
 PlungerAnswer = Literal["happened", "did_not", "partly"]

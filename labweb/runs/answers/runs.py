@@ -15,7 +15,7 @@ from labweb.domain.runs.halts.halt_progress import HaltState
 from labweb.domain.workflows.plan import Execution
 from labweb.runs.answers.jobs import JobRow
 from labweb.runs.answers.plans import PlanView
-from labweb.runs.answers.rows import RunRow
+from labweb.runs.answers.run_rows import RunRow
 from labweb.telemetry.answers import FileState
 
 

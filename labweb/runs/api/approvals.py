@@ -15,6 +15,9 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals.selectors import ApprovalRequest
+from labweb.calibration import selectors as calibration_selectors
+from labweb.calibration.api import result_of
+from labweb.calibration.services.calibrations import decide_calibration
 from labweb.common.lists import HISTORY
 from labweb.common.requests import Parameter, body, one_of, word
 from labweb.crutd import selectors as crutd_selectors
@@ -27,9 +30,8 @@ from labweb.runs.answers.approvals import (
     ApprovalRow,
     MaterialChange,
 )
-from labweb.runs.api import render
-from labweb.runs.api.calibrations import result_of
-from labweb.runs.api.requests import render_request
+from labweb.runs.api import run_details
+from labweb.runs.api.approval_rows import render_request
 from labweb.runs.api.runs import visible, visible_runs
 from labweb.runs.models import Run
 
@@ -56,7 +58,7 @@ class Requests(Endpoint):
         user = user_of(request)
         lab = resource_selectors.the_lab()
         shown = visible_runs(lab, user).values("pk")
-        measured = selectors.measured_in(shown).values("pk")
+        measured = calibration_selectors.measured_in(shown).values("pk")
         about = Q(run_id__in=shown) | Q(calibration_id__in=measured)
         rows = approval_selectors.requests_of(lab).filter(about)
         if word(request, "state", _STATES) == "open":
@@ -80,9 +82,9 @@ class OneRequest(Endpoint):
         row, run = _visible(request_id, user)
         told = asdict(render_request(row, run, user))
         if row.calibration_id is not None:
-            result = result_of(selectors.find_calibration(row.calibration_id), user)
+            result = result_of(calibration_selectors.find_calibration(row.calibration_id), user)
             return ApprovalDetail(**told, calibration=result)
-        plan = render.render_plan(run, selectors.jobs_of(run))
+        plan = run_details.render_plan(run, selectors.jobs_of(run))
         return ApprovalDetail(**told, plan=plan, materials=_materials(run))
 
 
@@ -124,7 +126,7 @@ class DecideRequest(Endpoint):
                 request_id, actor=user, is_approved=is_approved, comment=comment
             )
         else:
-            services.decide_calibration(
+            decide_calibration(
                 row.calibration_id, actor=user, is_accepted=is_approved, comment=comment
             )
         row, run = _visible(request_id, user)
@@ -147,7 +149,7 @@ def _visible(request_id: UUID, user: User) -> tuple[ApprovalRequest, Run]:
 def _runs_behind(rows: Sequence[ApprovalRequest]) -> dict[UUID, UUID]:
     """Return the run of each request: the one that waits for it, or that measured."""
     about = [row.calibration_id for row in rows if row.calibration_id is not None]
-    measured = selectors.runs_that_measured(about) if about else {}
+    measured = calibration_selectors.runs_that_measured(about) if about else {}
     return {
         row.pk: approval_selectors.run_of(row)
         if row.calibration_id is None

@@ -37,7 +37,7 @@ from labweb.runs.answers.custody import (
     PlaceChoice,
 )
 from labweb.runs.selectors import Custody
-from labweb.runs.services.disconnecting import check_disconnect, disconnect
+from labweb.runs.services.connection_removal import check_disconnect, disconnect
 
 
 class HandOver(msgspec.Struct, forbid_unknown_fields=True):

@@ -7,9 +7,9 @@ from uuid import UUID
 
 from labweb.domain.runs.exclusive_use.run_holds import UseMode
 from labweb.domain.runs.states.job_states import RunState
-from labweb.runs.answers.rows import RunHoldRow, RunWait
+from labweb.runs.answers.run_rows import RunHoldRow, RunWait
 from labweb.runs.models import Run
-from labweb.runs.selectors.holding import holds_of
+from labweb.runs.selectors.run_holds import holds_of
 
 _WAITING = {RunState.QUEUED.value, RunState.RUNNING.value}
 _SHARED = {UseMode.DRAW.value, UseMode.POUR.value}

@@ -16,8 +16,8 @@ from labweb.domain.runs.host_journal.surroundings import without_surroundings
 from labweb.domain.runs.states.job_states import JobState
 from labweb.runs import selectors
 from labweb.runs.answers.jobs import JobAsks, JobRow, JobTransaction, passed_by
-from labweb.runs.api.pace import estimate_s
-from labweb.runs.api.question import render_question
+from labweb.runs.api.doubt_question import render_question
+from labweb.runs.api.wall_clock import estimate_s
 from labweb.runs.models import Attempt, Job
 
 

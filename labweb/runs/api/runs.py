@@ -32,9 +32,9 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services
 from labweb.runs.answers.jobs import JobRow
-from labweb.runs.answers.rows import RunList
+from labweb.runs.answers.run_rows import RunList
 from labweb.runs.answers.runs import LogLine, RunDetail, RunLogPage
-from labweb.runs.api import log, render
+from labweb.runs.api import run_details, run_log
 from labweb.runs.api.jobs import render_job
 from labweb.runs.models import HostEvent, Job, Run
 from labweb.workflows import selectors as workflow_selectors
@@ -167,7 +167,7 @@ class Runs(Endpoint):
             rows = rows.filter(state__in=states)
         with one_moment():
             found, following = HISTORY.of_rows(request, rows, "-number")
-            return RunList(runs=render.render_rows(found), next=following)
+            return RunList(runs=run_details.render_rows(found), next=following)
 
     def post(self, request: Request) -> RunDetail:
         """Start a version, or ask for approval where a policy wants it."""
@@ -182,7 +182,7 @@ class Runs(Endpoint):
             seen_digest=wanted.plan_digest,
             is_asked=not wanted.is_second,
         )
-        return render.render_run(run, user)
+        return run_details.render_run(run, user)
 
 
 class OneRun(Endpoint):
@@ -192,7 +192,7 @@ class OneRun(Endpoint):
         """Return a run whole."""
         user = user_of(request)
         with one_moment():
-            return render.render_run(visible(run_id, user), user)
+            return run_details.render_run(visible(run_id, user), user)
 
 
 class RunEvents(Endpoint):
@@ -228,15 +228,15 @@ class RunLog(Endpoint):
         jobs = {attempt.id: job for attempt, job in tries}
         told: list[HostEvent | LogLine] = [
             *selectors.host_events(list(jobs)),
-            *log.render_hand_overs(run),
+            *run_log.render_hand_overs(run),
         ]
-        page, following = STANDING.of_list(request, told, log.place_of)
+        page, following = STANDING.of_list(request, told, run_log.place_of)
         by_transaction = resolved_of(attempt.transaction_id for attempt, _ in tries)
         ends = {one.id: by_transaction.get(one.transaction_id) for one, _ in tries}
         root = resource_selectors.root_of(run.lab).id
         is_all_seen = root in resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         lines = [
-            line if isinstance(line, LogLine) else log.render_reported(line, jobs, ends)
+            line if isinstance(line, LogLine) else run_log.render_reported(line, jobs, ends)
             for line in page
         ]
         if not is_all_seen:
@@ -254,7 +254,7 @@ class PauseRun(Endpoint):
         user = user_of(request)
         check_own(request, visible(run_id, user))
         services.pause_run(run_id, actor=user)
-        return render.render_run(selectors.find_run(run_id), user)
+        return run_details.render_run(selectors.find_run(run_id), user)
 
 
 class ResumeRun(Endpoint):
@@ -267,7 +267,7 @@ class ResumeRun(Endpoint):
         user, seen = user_of(request), body(request, Resume)
         visible(run_id, user)
         services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
-        return render.render_run(selectors.find_run(run_id), user)
+        return run_details.render_run(selectors.find_run(run_id), user)
 
 
 class AbortRun(Endpoint):
@@ -281,7 +281,7 @@ class AbortRun(Endpoint):
         user, reason = user_of(request), body(request, Reason).reason
         check_own(request, visible(run_id, user))
         services.abort_run(run_id, actor=user, reason=reason)
-        return render.render_run(selectors.find_run(run_id), user)
+        return run_details.render_run(selectors.find_run(run_id), user)
 
 
 def whole_nl(volume_ul: float) -> int:
@@ -326,7 +326,7 @@ class RecoverJob(Endpoint):
             moved_nl=_by_hand_nl(wanted.moved_ul),
             params=wanted.params,
         )
-        return render.render_run(selectors.find_run(job.run_id), user)
+        return run_details.render_run(selectors.find_run(job.run_id), user)
 
 
 class Confirmation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -347,7 +347,7 @@ class ConfirmJob(Endpoint):
         wanted = body(request, Confirmation)
         visible_job(job_id, user)
         job = services.confirm_job(job_id, actor=user, stated=wanted.stated)
-        return render.render_run(selectors.find_run(job.run_id), user)
+        return run_details.render_run(selectors.find_run(job.run_id), user)
 
 
 def _by_hand_nl(moved_ul: float | None) -> int | None:
@@ -384,5 +384,5 @@ class ResolveJob(Endpoint):
         job = selectors.find_job(job_id)
         attempt = selectors.last_attempt(job)
         waiting = selectors.answers_under_way([] if attempt is None else [attempt.id])
-        names = render.names_of(job.run.lab)
+        names = run_details.names_of(job.run.lab)
         return render_job(job, attempt, names, waiting)

@@ -26,25 +26,13 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.answers.lab import LabCounts, LabStop, LabSummary, StopHost
-from labweb.runs.models import Attempt, HostEvent, Outbox
-from labweb.runs.models import Calibration as Calibration
+from labweb.runs.models import Attempt as Attempt
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import DeviceHalt as DeviceHalt
+from labweb.runs.models import HostEvent as HostEvent
 from labweb.runs.models import Job as Job
+from labweb.runs.models import Outbox as Outbox
 from labweb.runs.models import Run as Run
-from labweb.runs.selectors.calibrations import OF_LAB as OF_LAB
-from labweb.runs.selectors.calibrations import accepted_of as accepted_of
-from labweb.runs.selectors.calibrations import calibration_for_update as calibration_for_update
-from labweb.runs.selectors.calibrations import calibrations_of as calibrations_of
-from labweb.runs.selectors.calibrations import ended_calibrations as ended_calibrations
-from labweb.runs.selectors.calibrations import find_calibration as find_calibration
-from labweb.runs.selectors.calibrations import findings_of_sending as findings_of_sending
-from labweb.runs.selectors.calibrations import fingerprint_of as fingerprint_of
-from labweb.runs.selectors.calibrations import history_of as history_of
-from labweb.runs.selectors.calibrations import measured_in as measured_in
-from labweb.runs.selectors.calibrations import references_of as references_of
-from labweb.runs.selectors.calibrations import runs_that_measured as runs_that_measured
-from labweb.runs.selectors.calibrations import standing_of as standing_of
 from labweb.runs.selectors.custody import find_move as find_move
 from labweb.runs.selectors.custody import hands_between as hands_between
 from labweb.runs.selectors.custody import hosts_between as hosts_between
@@ -54,18 +42,14 @@ from labweb.runs.selectors.custody import moves_of as moves_of
 from labweb.runs.selectors.custody import moves_of_run as moves_of_run
 from labweb.runs.selectors.custody import open_move_of as open_move_of
 from labweb.runs.selectors.custody import owner_of as owner_of
-from labweb.runs.selectors.doubting import CONTRADICTED_BY as CONTRADICTED_BY
-from labweb.runs.selectors.doubting import UNREAD as UNREAD
-from labweb.runs.selectors.doubting import asked_nl as asked_nl
-from labweb.runs.selectors.doubting import contradicted as contradicted
-from labweb.runs.selectors.doubting import has_older_doubt as has_older_doubt
-from labweb.runs.selectors.doubting import measured_of as measured_of
-from labweb.runs.selectors.doubting import unread_answers as unread_answers
-from labweb.runs.selectors.light import with_runs as with_runs
-from labweb.runs.selectors.needs import LIVE as LIVE
-from labweb.runs.selectors.needs import jobs_that_ask as jobs_that_ask
-from labweb.runs.selectors.needs import runs_that_need as runs_that_need
-from labweb.runs.selectors.needs import runs_that_wait as runs_that_wait
+from labweb.runs.selectors.doubt_readings import CONTRADICTED_BY as CONTRADICTED_BY
+from labweb.runs.selectors.doubt_readings import UNREAD as UNREAD
+from labweb.runs.selectors.doubt_readings import asked_nl as asked_nl
+from labweb.runs.selectors.doubt_readings import contradicted as contradicted
+from labweb.runs.selectors.doubt_readings import has_older_doubt as has_older_doubt
+from labweb.runs.selectors.doubt_readings import measured_of as measured_of
+from labweb.runs.selectors.doubt_readings import unread_answers as unread_answers
+from labweb.runs.selectors.jobs_without_plans import with_runs as with_runs
 from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
 from labweb.runs.selectors.recovery import choices_after as choices_after
 from labweb.runs.selectors.recovery import ended_job as ended_job
@@ -80,6 +64,10 @@ from labweb.runs.selectors.recovery import partner_job as partner_job
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
 from labweb.runs.selectors.recovery import recovery_of as recovery_of
 from labweb.runs.selectors.recovery import waits_of as waits_of
+from labweb.runs.selectors.run_needs import LIVE as LIVE
+from labweb.runs.selectors.run_needs import jobs_that_ask as jobs_that_ask
+from labweb.runs.selectors.run_needs import runs_that_need as runs_that_need
+from labweb.runs.selectors.run_needs import runs_that_wait as runs_that_wait
 from labweb.runs.selectors.scheduling import HALTING_AT as HALTING_AT
 from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
 from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
@@ -99,9 +87,9 @@ from labweb.runs.selectors.scheduling import owed_halts as owed_halts
 from labweb.runs.selectors.scheduling import run_for_update as run_for_update
 from labweb.runs.selectors.scheduling import to_schedule as to_schedule
 from labweb.runs.selectors.scheduling import views as views
-from labweb.runs.selectors.silence import silent_devices as silent_devices
-from labweb.runs.selectors.silence import standing_jobs as standing_jobs
-from labweb.runs.selectors.stating import to_state as to_state
+from labweb.runs.selectors.stated_lots import to_state as to_state
+from labweb.runs.selectors.unread_devices import silent_devices as silent_devices
+from labweb.runs.selectors.unread_devices import standing_jobs as standing_jobs
 
 
 def runs_of(lab: Lab) -> QuerySet[Run]:

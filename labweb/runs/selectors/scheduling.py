@@ -24,7 +24,6 @@ from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Attempt, DeviceHalt, Outbox
-from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from labweb.runs.services.aborting import abort_run, note_silence, stop_device
-from labweb.runs.services.asking import asks_told, let_ask, take_ask, withdraw_ask
-from labweb.runs.services.calibrating import (
-    begin_calibration,
-    decide_calibration,
-    judge_ended,
-    withdraw_calibration,
+from labweb.runs.services.action_files import (
+    files_asked,
+    offer_file,
+    read_file,
+    take_file,
+    take_gone,
 )
-from labweb.runs.services.confirming import confirm_job
-from labweb.runs.services.control import (
-    pause_run,
-    reset_lab,
-    resume_run,
-    stop_lab,
-)
-from labweb.runs.services.custody import begin_transfer, confirm_arrival, hand_over
-from labweb.runs.services.dispatch import publish_outbox
+from labweb.runs.services.approval_expiry import expire_requests
+from labweb.runs.services.device_identification import show_device
 from labweb.runs.services.drivers import (
     Given,
     look_at_parts,
@@ -26,8 +18,14 @@ from labweb.runs.services.drivers import (
     replace_drivers,
     switch_waiting,
 )
-from labweb.runs.services.expiry import expire_requests
-from labweb.runs.services.failing import is_away, is_passing, tell_failing
+from labweb.runs.services.execution.custody import begin_transfer, confirm_arrival, hand_over
+from labweb.runs.services.execution.dispatch import publish_outbox
+from labweb.runs.services.execution.failure_containment import is_away, is_passing, tell_failing
+from labweb.runs.services.execution.job_states import announce
+from labweb.runs.services.execution.scheduler_tick import dispatch_ready
+from labweb.runs.services.fault_recovery.doubt_resolution import Beside, resolve_job
+from labweb.runs.services.fault_recovery.readings_against_answers import reread_answers
+from labweb.runs.services.fault_recovery.undone_jobs import recover_job
 from labweb.runs.services.fencing import (
     fence_host,
     note_quarantine,
@@ -35,22 +33,24 @@ from labweb.runs.services.fencing import (
     note_version,
     revoke_host,
 )
-from labweb.runs.services.files import files_asked, offer_file, read_file, take_file, take_gone
-from labweb.runs.services.halting import why_taken
 from labweb.runs.services.heads import heads_for_hosts, sign_heads
+from labweb.runs.services.host_run_requests import asks_told, let_ask, take_ask, withdraw_ask
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
-from labweb.runs.services.picture import lab_view
-from labweb.runs.services.previewing import preview
-from labweb.runs.services.recovery import recover_job
-from labweb.runs.services.rehearsal import rehearse_dispatch, rehearse_start
-from labweb.runs.services.rereading import reread_answers
+from labweb.runs.services.job_confirmation import confirm_job
+from labweb.runs.services.planning.lab_view import lab_view
+from labweb.runs.services.planning.preview import preview
+from labweb.runs.services.planning.start import decide_request, start_run
+from labweb.runs.services.planning.start_rehearsal import rehearse_dispatch, rehearse_start
 from labweb.runs.services.reservations import end_reservation, reserve
-from labweb.runs.services.resolving import Beside, resolve_job
-from labweb.runs.services.schedule import dispatch_ready
-from labweb.runs.services.showing import show_device
-from labweb.runs.services.start import decide_request, start_run
-from labweb.runs.services.state import announce
+from labweb.runs.services.stopping.abort import abort_run, note_silence, stop_device
+from labweb.runs.services.stopping.device_halts import why_taken
+from labweb.runs.services.stopping.pause_and_stop import (
+    pause_run,
+    reset_lab,
+    resume_run,
+    stop_lab,
+)
 
 __all__ = [
     "Beside",
@@ -58,11 +58,9 @@ __all__ = [
     "abort_run",
     "announce",
     "asks_told",
-    "begin_calibration",
     "begin_transfer",
     "confirm_arrival",
     "confirm_job",
-    "decide_calibration",
     "decide_request",
     "dispatch_ready",
     "end_reservation",
@@ -75,7 +73,6 @@ __all__ = [
     "is_away",
     "is_passing",
     "isolate_hosts",
-    "judge_ended",
     "lab_view",
     "let_ask",
     "look_at_parts",
@@ -111,5 +108,4 @@ __all__ = [
     "tell_failing",
     "why_taken",
     "withdraw_ask",
-    "withdraw_calibration",
 ]

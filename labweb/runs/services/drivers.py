@@ -29,7 +29,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, DriverVersion, EdgeHost
 from labweb.runs.models import Job
-from labweb.runs.services.doubts import doubt
+from labweb.runs.services.host_tickets import doubt
 
 logger = logging.getLogger(__name__)
 

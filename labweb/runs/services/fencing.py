@@ -23,9 +23,9 @@ from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Outbox
-from labweb.runs.services.aborting import note_journal_gone
-from labweb.runs.services.custody import lose_moves_of
-from labweb.runs.services.state import move_job, refresh_run
+from labweb.runs.services.execution.custody import lose_moves_of
+from labweb.runs.services.execution.job_states import move_job, refresh_run
+from labweb.runs.services.stopping.abort import note_journal_gone
 
 logger = logging.getLogger(__name__)
 

@@ -37,16 +37,18 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, HostEvent, Outbox
-from labweb.runs.services import aborting, dispatch, drivers, heads
-from labweb.runs.services.batches import settle_batch
-from labweb.runs.services.carrying import hand_on
-from labweb.runs.services.custody import KINDS, take_custody_event
-from labweb.runs.services.doubts import doubt
+from labweb.runs.services import drivers, heads
+from labweb.runs.services.action_files import await_files
+from labweb.runs.services.execution import dispatch
+from labweb.runs.services.execution.custody import KINDS, take_custody_event
+from labweb.runs.services.execution.host_batches import settle_batch
+from labweb.runs.services.execution.job_states import move_job, refresh_run
+from labweb.runs.services.execution.transport_jobs import hand_on
+from labweb.runs.services.fault_recovery.doubt_resolution import follow
 from labweb.runs.services.fencing import quarantine
-from labweb.runs.services.files import await_files
-from labweb.runs.services.halting import take_halt, take_lost, undo_job
-from labweb.runs.services.resolving import follow
-from labweb.runs.services.state import move_job, refresh_run
+from labweb.runs.services.host_tickets import doubt
+from labweb.runs.services.stopping import abort
+from labweb.runs.services.stopping.device_halts import take_halt, take_lost, undo_job
 
 logger = logging.getLogger(__name__)
 
@@ -176,9 +178,9 @@ def _apply_word(host: EdgeHost, event: EdgeEvent) -> None:
         take_custody_event(host, event)
     if event.kind == "halted":
         take_halt(host, event)
-        aborting.note_delivered(host, event)
-    if event.kind in aborting.HALT_KINDS:
-        aborting.take_halt_word(host, event)
+        abort.note_delivered(host, event)
+    if event.kind in abort.HALT_KINDS:
+        abort.take_halt_word(host, event)
     if event.kind == LOSS:
         take_lost(host, event)
 
@@ -204,7 +206,7 @@ def _apply(host: EdgeHost, event: EdgeEvent, attempt: Attempt | None) -> None:
         settle_batch(attempt)
         if meaning.state is JobState.COMPLETE and event.body.get(IS_HALTED) is True:
             undo_job(attempt.job)
-        aborting.go_on_aborting(attempt.job.run)
+        abort.go_on_aborting(attempt.job.run)
     refresh_run(attempt.job.run_id)
     if meaning.is_resolution:
         follow(attempt.job_id)

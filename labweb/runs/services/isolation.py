@@ -13,7 +13,7 @@ from labweb.domain.runs.states.job_states import JobState, Mover
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job
-from labweb.runs.services.state import move_job, refresh_run
+from labweb.runs.services.execution.job_states import move_job, refresh_run
 
 
 def isolate_hosts() -> int:

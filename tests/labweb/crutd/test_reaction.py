@@ -16,8 +16,8 @@ import pytest
 from labweb.crutd.selectors.lineage import lineage
 from labweb.domain.crutd.provenance.prov_check import check_prov
 from labweb.domain.crutd.provenance.prov_json_read import read_prov
+from labweb.records.selectors import provenance
 from labweb.resources.models import Lot, Material
-from labweb.runs.selectors import provenance
 from tests.builders import Bench, a_user
 from tests.labweb.crutd.hand import a_jar, delivery, done, held, material, node, refused, solid
 from tests.labweb.web import call, read, signed_in

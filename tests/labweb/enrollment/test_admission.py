@@ -11,7 +11,7 @@ from labweb.accounts.models import AuditEntry
 from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenError, StateError
 from labweb.enrollment import services
 from labweb.enrollment.models import Device, EdgeHost
-from labweb.runs.services.picture import lab_view
+from labweb.runs.services.planning.lab_view import lab_view
 from tests.builders import Bench, Edge, a_lab, an_edge
 
 

@@ -21,7 +21,7 @@ from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenErro
 from labweb.domain.messages.certificates_and_sightings import Sighting
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device
-from labweb.runs.services.picture import lab_view
+from labweb.runs.services.planning.lab_view import lab_view
 from tests.builders import Bench, Edge, an_edge, host_key, public_half
 from tests.labweb.web import signed_in
 

@@ -23,7 +23,7 @@ from labweb.domain.errors import StateError
 from labweb.domain.messages.certificates_and_sightings import Sighting
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device
-from labweb.runs.services.picture import lab_view
+from labweb.runs.services.planning.lab_view import lab_view
 from tests.builders import Bench, Edge, an_edge, public_half
 from tests.labweb.enrollment.test_discovery import a_sighting, another, seen, taken_up, wanted
 from tests.labweb.web import signed_in

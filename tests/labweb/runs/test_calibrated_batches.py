@@ -7,15 +7,17 @@ from uuid import uuid4
 
 import pytest
 
+from labweb.calibration.models import Calibration
+from labweb.calibration.services import calibrations
 from labweb.common.clock import now
 from labweb.domain.runs.host_actions import host_state
 from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.runs import services
-from labweb.runs.models import Calibration, Job, Run
+from labweb.runs.models import Job, Run
 from labweb.workflows.models import WorkflowVersion
 from tests.builders import MOVE_WATER, Bench
+from tests.labweb.calibration.test_calibrations import accepted
 from tests.labweb.runs.hosts import Host, live_locks, states
-from tests.labweb.runs.test_calibrating import accepted
 
 ALONE = {"on_disconnect": "continue", "max_offline_s": 86_400}
 LEFT_S = 100.0
@@ -177,7 +179,7 @@ def test_what_has_not_begun_is_called_back_when_its_calibration_is_withdrawn(
     run: Run, host: Host, bench: Bench, calibration: Calibration
 ) -> None:
     host.take()
-    services.withdraw_calibration(
+    calibrations.withdraw_calibration(
         calibration.id, actor=bench.people["approver"], reason="the syringe leaks"
     )
     host.take()

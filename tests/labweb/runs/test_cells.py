@@ -21,7 +21,7 @@ from labweb.telemetry.models import File, Incoming
 from labweb.workflows import services as workflow_services
 from tests.builders import Bench, catalog
 from tests.labweb.runs.hosts import Host
-from tests.labweb.runs.test_files_of_actions import TABLE, brought, lab, named
+from tests.labweb.runs.test_action_files import TABLE, brought, lab, named
 from tests.labweb.web import read, signed_in
 
 __all__ = ["lab"]

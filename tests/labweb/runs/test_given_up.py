@@ -8,14 +8,14 @@ from labweb.common.clock import now
 from labweb.crutd.api import event_rows
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.runs.host_journal.action_states import Report
+from labweb.records.services.ledger_rebuild import differences, rebuild
 from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Job
-from labweb.runs.services.rebuilding import differences, rebuild
 from tests.builders import Bench, a_started_run
 from tests.labweb.runs.hosts import Host, a_heating_run
-from tests.labweb.runs.test_aborting import abort, shown
-from tests.labweb.runs.test_halting import UNKNOWN, agrees, data, holding, job, next_one
+from tests.labweb.runs.test_abort import abort, shown
+from tests.labweb.runs.test_device_halts import UNKNOWN, agrees, data, holding, job, next_one
 
 
 def test_what_nobody_can_tell_of_a_setting_is_unknown_to_host_and_server_and_their_events(

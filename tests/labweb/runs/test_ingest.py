@@ -17,7 +17,7 @@ from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.runs.selectors import lab_summary
-from labweb.runs.services.doubts import MOST_ALIKE
+from labweb.runs.services.host_tickets import MOST_ALIKE
 from tests.builders import (
     HEAT,
     Bench,

@@ -19,7 +19,7 @@ from labweb.telemetry.models import Incoming
 from labweb.workflows import services as workflow_services
 from tests.builders import Bench, catalog
 from tests.labweb.runs.hosts import Host
-from tests.labweb.runs.test_files_of_actions import TABLE, named
+from tests.labweb.runs.test_action_files import TABLE, named
 
 DRIVER = "drivers.characterization.lab_hplc:LabHplc"
 ARGS = {"vial": "1", "method": "standard", "injection_ul": 5.0, "sample": "a1"}

@@ -156,7 +156,7 @@ def test_a_wall_clock_of_the_server_that_jumps_isolates_nobody(
     real = clock.now
     beat = {"epoch": host.edge.epoch, "mono_s": 1.0, "seq_head": 1, "wall_s": 1.0}
     assert enrollment_services.beat(host.edge.host_id, host.edge.epoch, beat)
-    for module in ("labweb.enrollment.services.hosts", "labweb.runs.services.dispatch"):
+    for module in ("labweb.enrollment.services.hosts", "labweb.runs.services.execution.dispatch"):
         monkeypatch.setattr(f"{module}.now", lambda: real() + timedelta(seconds=jump_s))
     enrollment_services.watch_hosts({host.edge.host_id: 1.0})
     assert bench.host.state == "online"

@@ -14,7 +14,7 @@ from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.plan import Plan
 from labweb.domain.workflows.workflow_file import Workflow
 from labweb.runs.models import Job, Run
-from labweb.runs.services import previewing
+from labweb.runs.services.planning import preview
 from tests.builders import HEAT, MOVE_WATER, Bench, a_started_run
 from tests.labweb.web import call, signed_in
 
@@ -39,7 +39,7 @@ def port_off(monkeypatch: pytest.MonkeyPatch) -> None:
         jobs[first] = replace(jobs[first], args={"port_index": port % 4 + 1})
         return replace(plan, jobs=tuple(jobs))
 
-    monkeypatch.setattr(previewing, "compile_workflow", compile_workflow)
+    monkeypatch.setattr(preview, "compile_workflow", compile_workflow)
 
 
 def test_a_check_says_which_steps_are_proved(bench: Bench) -> None:

@@ -13,7 +13,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Outbox
-from labweb.runs.services.dispatch import send_cancel
+from labweb.runs.services.execution.dispatch import send_cancel
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched, next_job, to_transfer
 from tests.labweb.web import signed_in
 

@@ -16,10 +16,10 @@ from labweb.crutd.models import Entry
 from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.errors import InfeasibleError, ProtocolError
+from labweb.records.selectors import provenance
 from labweb.resources.models import Lot
 from labweb.runs import services as run_services
 from labweb.runs.models import Run
-from labweb.runs.selectors import provenance
 from labweb.workflows import services as workflow_services
 from tests.builders import Bench, an_edge, dispatched
 from tests.labweb.crutd.hand import a_jar, delivery, done, held, material, node, solid

@@ -14,7 +14,7 @@ from tests.builders import Bench
 from tests.labweb.crutd.hand import post, pour, refused, solid
 from tests.labweb.runs.drawn import a_run
 from tests.labweb.runs.hosts import Host
-from tests.labweb.runs.test_stating import WAIT, due, finish, held_nl
+from tests.labweb.runs.test_stated_lots import WAIT, due, finish, held_nl
 from tests.labweb.web import call, code_of, read, signed_in
 
 

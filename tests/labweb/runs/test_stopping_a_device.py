@@ -15,7 +15,7 @@ from labweb.runs.models import DeviceHalt, Outbox, Run
 from tests.builders import Bench
 from tests.labweb.runs.hosts import Host, a_heating_run, states
 from tests.labweb.runs.promises import KEPT, keeps, promised
-from tests.labweb.runs.test_aborting import cut_off, is_cancelled, shown, state, until_acting
+from tests.labweb.runs.test_abort import cut_off, is_cancelled, shown, state, until_acting
 from tests.labweb.web import call, signed_in
 
 

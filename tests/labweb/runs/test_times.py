@@ -15,9 +15,9 @@ from labweb.crutd.selectors.event_chain import first_broken_event
 from labweb.crutd.selectors.history_replay import as_it_was
 from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind
+from labweb.records.selectors.conditions import made_s
 from labweb.resources.selectors import Resource
 from labweb.runs.models import Attempt, HostEvent, Job, Run
-from labweb.runs.selectors.conditions import made_s
 from tests.builders import Bench, Edge, a_started_run, an_edge, to_transfer
 from tests.labweb.crutd.test_rebuild import move
 

@@ -14,10 +14,10 @@ from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
 from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint, read_stands
 from labweb.domain.runs.host_journal.action_states import Report
+from labweb.records.services.ledger_rebuild import differences
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
 from labweb.runs.selectors import lab_summary
-from labweb.runs.services.rebuilding import differences
 from labweb.workflows import services as workflow_services
 from tests.builders import Bench
 from tests.labweb.runs.hosts import Host, a_heating_run

@@ -25,7 +25,7 @@ from labweb.domain.crutd.pre_and_postconditions import Readings, spread
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Attempt, Run
-from labweb.runs.services.files import REFUSED
+from labweb.runs.services.action_files import REFUSED
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.models import File
 from labweb.workflows import services as workflow_services

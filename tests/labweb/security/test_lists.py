@@ -21,13 +21,14 @@ from labweb.accounts import services as account_services
 from labweb.accounts.api import Endpoint
 from labweb.accounts.models import AccessToken
 from labweb.approvals.models import ApprovalRequest, Tryout
+from labweb.calibration.models import Calibration
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, EventHead, ResourceReservation
 from labweb.domain.approvals.access_tokens import AccessScope
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost, JoinToken
 from labweb.resources.models import Connection, Resource
-from labweb.runs.models import Calibration, HostEvent, Run
+from labweb.runs.models import HostEvent, Run
 from labweb.telemetry.models import File, Incoming, Reading
 from labweb.workflows.models import Workflow, WorkflowVersion
 from tests.builders import Bench

@@ -17,6 +17,7 @@ from django.http import HttpResponse
 from django.test import Client
 from pytest_django import Settings
 
+from labweb.calibration.models import Calibration
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import RunHold
@@ -24,7 +25,7 @@ from labweb.domain.crutd.operations import Read, TransferLiquid, to_json
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services as run_services
-from labweb.runs.models import Attempt, Calibration
+from labweb.runs.models import Attempt
 from tests.builders import PASSWORD, Bench, a_started_run, an_edge
 from tests.labweb.enrollment.driver_texts import TIMER, timer
 from tests.labweb.instrument_files import TRACE

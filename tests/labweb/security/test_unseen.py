@@ -24,12 +24,13 @@ from pytest_django import Settings
 
 from labweb.accounts.selectors import User
 from labweb.approvals.models import ApprovalRequest, Tryout
+from labweb.calibration.models import Calibration
 from labweb.common.clock import now
 from labweb.crutd.models import Ticket
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost, JoinRequest, JoinToken
 from labweb.resources.models import Resource
 from labweb.runs import services as run_services
-from labweb.runs.models import Calibration, Custody, Run
+from labweb.runs.models import Custody, Run
 from labweb.workflows.models import Workflow
 from tests.builders import Bench, a_started_run, a_user
 from tests.labweb.instrument_files import TRACE

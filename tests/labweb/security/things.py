@@ -12,6 +12,9 @@ from labweb.accounts import services as account_services
 from labweb.accounts.models import AccessToken
 from labweb.approvals import services as approval_services
 from labweb.approvals.models import ApprovalRequest, Tryout
+from labweb.calibration import selectors as calibration_selectors
+from labweb.calibration.models import Calibration
+from labweb.calibration.services.calibrations import ask_about
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import ResourceReservation
@@ -22,10 +25,8 @@ from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import DriverVersion, EdgeHost, JoinRequest
 from labweb.resources.models import Lot, Resource
-from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
-from labweb.runs.models import Calibration, Custody, Run
-from labweb.runs.services.calibrating import ask_about
+from labweb.runs.models import Custody, Run
 from labweb.telemetry.selectors import File, Incoming
 from labweb.telemetry.services import Upload, bring, keep_file, keep_photo
 from labweb.workflows import services as workflow_services
@@ -161,7 +162,7 @@ def a_result(bench: Bench, run: Run) -> Calibration:
         state="awaiting",
         run=run,
         order={"reference": A_CERTIFICATE, "around": {}, "tolerance": 0.005},
-        fingerprint=run_selectors.fingerprint_of(bench.device("pump_2")),
+        fingerprint=calibration_selectors.fingerprint_of(bench.device("pump_2")),
         result={
             "quantity": "volume",
             "gain": 0.97,

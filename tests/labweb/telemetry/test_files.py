@@ -221,10 +221,10 @@ def test_a_wrong_form_is_refused(
 def test_a_file_beyond_the_bound_is_broken_off(
     bench: Bench, chemist: Client, store: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("labweb.runs.api.files.MOST_BYTES", 50)
+    monkeypatch.setattr("labweb.records.api.files.MOST_BYTES", 50)
     told = send(chemist, TRACE, status=422, resource=bench.node("flask_1").pk)
     assert told["code"] == "file.too_large"
-    monkeypatch.setattr("labweb.runs.api.files.MOST_BYTES", 2**20)
+    monkeypatch.setattr("labweb.records.api.files.MOST_BYTES", 2**20)
     monkeypatch.setattr(kept_files, "MOST_BYTES", 50)
     told = send(chemist, TRACE, status=422, resource=bench.node("flask_1").pk)
     assert told["code"] == "file.too_large"

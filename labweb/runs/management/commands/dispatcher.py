@@ -21,6 +21,7 @@ from django.db.backends.postgresql.base import DatabaseWrapper
 from django.db.utils import InterfaceError, OperationalError
 
 from labweb.accounts import services as account_services
+from labweb.calibration.services.calibrations import judge_ended
 from labweb.common import queue, wake
 from labweb.common.clock import now
 from labweb.common.heap import freeze_heap
@@ -28,7 +29,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
-from labweb.runs.services.control import tell_stop
+from labweb.runs.services.stopping.pause_and_stop import tell_stop
 from labweb.telemetry import services as telemetry_services
 
 logger = logging.getLogger(__name__)
@@ -103,7 +104,7 @@ class Watch:
             services.isolate_hosts,
             services.note_silence,
             self._tell_silent,
-            services.judge_ended,
+            judge_ended,
             services.reread_answers,
             services.switch_waiting,
             telemetry_services.ring_incoming,

@@ -1,0 +1,1 @@
+"""Calibrations of devices: how each is measured, judged, accepted and withdrawn."""

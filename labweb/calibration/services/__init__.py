@@ -1,0 +1,1 @@
+"""Writes of calibrations, and how each quantity is measured and judged."""

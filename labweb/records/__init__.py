@@ -1,0 +1,1 @@
+"""What is on record: provenance, crates, notebooks, data sets, reports, files, rebuilds."""

@@ -1,0 +1,1 @@
+"""What the endpoints of provenance and reports answer with."""

@@ -1,0 +1,1 @@
+"""Reads of what is on record, across runs, the ledger and measurements."""

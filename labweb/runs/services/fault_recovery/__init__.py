@@ -1,0 +1,1 @@
+"""What people decide about jobs in doubt or undone, and what follows."""

@@ -1,0 +1,1 @@
+"""Pauses, aborts, halts of devices, and the stop of the lab."""
