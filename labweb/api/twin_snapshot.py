@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from labweb.api.devices import device_rows
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.graph.topology import Medium
 from labweb.domain.runs.job import AT_EDGE, JobState
 from labweb.enrollment import selectors as enrollment_selectors
+from labweb.fleet.api.devices import device_rows
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Connection, Lab, Resource
 from labweb.runs import selectors as run_selectors

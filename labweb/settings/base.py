@@ -89,6 +89,7 @@ INSTALLED_APPS = [
     "labweb.workflows",
     "labweb.approvals",
     "labweb.runs",
+    "labweb.fleet",
     "rest_framework",
     "drf_spectacular",
     "channels",

@@ -14,6 +14,7 @@ APPS = (
     "campaigns",
     "crutd",
     "enrollment",
+    "fleet",
     "resources",
     "runs",
     "telemetry",

@@ -21,6 +21,7 @@ FORBIDDEN_IMPORTS = [
     # contract, importing file, what it must not import
     ("floors", "labweb/accounts/services.py", "labweb.runs.services"),
     ("floors", "labweb/workflows/services.py", "labweb.approvals.services"),
+    ("floors", "labweb/runs/services.py", "labweb.fleet.services"),
     ("floors", "labweb/newcomer.py", "labweb.domain.errors"),
     ("app", "labweb/runs/models.py", "labweb.runs.services"),
     ("app", "labweb/runs/services.py", "labweb.runs.live"),
@@ -50,6 +51,7 @@ FORBIDDEN_IMPORTS = [
     ("viser", "twin/mutant.py", "viser"),
     ("viser", "labweb/runs/services.py", "viser"),
     ("models", "labweb/runs/services.py", "labweb.accounts.models"),
+    ("models", "labweb/fleet/services.py", "labweb.runs.models"),
     ("acyclic", "twin/server.py", "twin.circle"),
     ("simulators", "fixtures/instruments/mutant.py", "drivers.base"),
     ("simulators", "fixtures/instruments/mutant.py", "labweb.domain.errors"),
@@ -59,6 +61,7 @@ FORBIDDEN_IMPORTS = [
 
 ALLOWED_IMPORTS = [
     ("labweb/runs/services.py", "labweb.accounts.selectors"),
+    ("labweb/fleet/services.py", "labweb.runs.services"),
     ("workers/mutant.py", "labweb.domain.errors"),
     ("workers/mutant.py", "drivers.base"),
     ("labweb/runs/services.py", "labweb.runs.models"),
@@ -107,7 +110,7 @@ def floors_to_build() -> list[str]:
     ]
     parts = [
         f"labweb.{app}.{part}"
-        for app in ("accounts", "approvals", "runs", "workflows")
+        for app in ("accounts", "approvals", "fleet", "runs", "workflows")
         for part in ("models", "selectors", "services", "tasks", "live", "api")
     ]
     others = ["labweb.common.models", "fixtures.instruments", "deploy.embedded"]

@@ -1,4 +1,4 @@
-"""Writes of runs: start, dispatch, take in what hosts report, control."""
+"""Writes of runs: start, dispatch, take in what hosts report of jobs, control."""
 
 from __future__ import annotations
 
@@ -19,27 +19,10 @@ from labweb.runs.services.control import (
 )
 from labweb.runs.services.custody import begin_transfer, confirm_arrival, hand_over
 from labweb.runs.services.dispatch import publish_outbox
-from labweb.runs.services.drivers import (
-    Given,
-    look_at_parts,
-    replace_driver,
-    replace_drivers,
-    switch_waiting,
-)
 from labweb.runs.services.expiry import expire_requests
 from labweb.runs.services.failing import is_away, is_passing, tell_failing
-from labweb.runs.services.fencing import (
-    fence_host,
-    note_quarantine,
-    note_rival,
-    note_version,
-    revoke_host,
-)
 from labweb.runs.services.files import files_asked, offer_file, read_file, take_file, take_gone
 from labweb.runs.services.halting import why_taken
-from labweb.runs.services.heads import heads_for_hosts, sign_heads
-from labweb.runs.services.ingest import ingest_events
-from labweb.runs.services.isolation import isolate_hosts
 from labweb.runs.services.picture import lab_view
 from labweb.runs.services.previewing import preview
 from labweb.runs.services.recovery import recover_job
@@ -54,7 +37,6 @@ from labweb.runs.services.state import announce
 
 __all__ = [
     "Beside",
-    "Given",
     "abort_run",
     "announce",
     "asks_told",
@@ -67,22 +49,14 @@ __all__ = [
     "dispatch_ready",
     "end_reservation",
     "expire_requests",
-    "fence_host",
     "files_asked",
     "hand_over",
-    "heads_for_hosts",
-    "ingest_events",
     "is_away",
     "is_passing",
-    "isolate_hosts",
     "judge_ended",
     "lab_view",
     "let_ask",
-    "look_at_parts",
-    "note_quarantine",
-    "note_rival",
     "note_silence",
-    "note_version",
     "offer_file",
     "pause_run",
     "preview",
@@ -91,20 +65,15 @@ __all__ = [
     "recover_job",
     "rehearse_dispatch",
     "rehearse_start",
-    "replace_driver",
-    "replace_drivers",
     "reread_answers",
     "reserve",
     "reset_lab",
     "resolve_job",
     "resume_run",
-    "revoke_host",
     "show_device",
-    "sign_heads",
     "start_run",
     "stop_device",
     "stop_lab",
-    "switch_waiting",
     "take_ask",
     "take_file",
     "take_gone",

@@ -27,7 +27,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch, holding
-from labweb.runs.services.drivers import switch_before
+from labweb.runs.services.driver_switches import switch_before
 from labweb.runs.services.state import check_not_halting, hold_job, move_job, note_sent
 
 logger = logging.getLogger(__name__)

@@ -43,7 +43,7 @@ from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import holding
-from labweb.runs.services.drivers import switch_before
+from labweb.runs.services.driver_switches import switch_before
 from labweb.runs.services.failing import doubt_command
 from labweb.runs.services.state import (
     announce,

@@ -20,8 +20,8 @@ from labweb.crutd.models import Event, Holding
 from labweb.crutd.selectors.past import rebuild_differences
 from labweb.domain.errors import PreconditionError
 from labweb.enrollment.models import Device
+from labweb.fleet.services.device_retirement import retire_device
 from labweb.resources.models import Connection, Resource
-from labweb.runs.services.retiring import retire_device
 from tests.builders import Bench, a_started_run, an_edge, off, to_transfer
 from tests.labweb.crutd.hand import done, node, post, pour
 from tests.labweb.crutd.test_adopting import adopted

@@ -13,11 +13,11 @@ from labweb.domain.runs import acting, halting, taking
 from labweb.domain.runs.edge import ActionState, Report
 from labweb.domain.runs.journal import ActionRow
 from labweb.enrollment import services as enrollment_services
+from labweb.fleet.services import fencing
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Run
-from labweb.runs.services import fencing
 from labweb.runs.services.rebuilding import differences, rebuild
 from tests.builders import Bench, Edge
 from tests.labweb.crutd.test_verify import tamper

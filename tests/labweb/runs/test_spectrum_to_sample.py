@@ -27,6 +27,7 @@ from labweb.domain.files import PART_BYTES, WANTED, FileOffer, FilePart, FilePar
 from labweb.domain.messages import Command, Signed
 from labweb.domain.runs import relay
 from labweb.enrollment import services as enrollment_services
+from labweb.fleet.services import host_events
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
 from labweb.telemetry import selectors as telemetry_selectors
@@ -168,7 +169,7 @@ def test_a_spectrum_comes_from_the_wire_to_the_record_of_its_sample(
     assert done.returncode == 0, done.stderr
 
     events = journal.events_after(0)
-    assert services.ingest_events(edge.host_id, edge.epoch, events) is not None
+    assert host_events.ingest_events(edge.host_id, edge.epoch, events) is not None
     job = Job.objects.get(run=run)
     assert (job.state, job.message) == ("complete", "")
     named = job.evidence["report"]["files"]

@@ -23,7 +23,7 @@ from labweb.common.buckets import Buckets, Rate
 from labweb.common.lanes import on_lane
 from labweb.common.sockets import CLOSE_TOO_FAST, BoundedConsumer
 from labweb.enrollment.live import JoinConsumer
-from labweb.runs.live import EdgeConsumer
+from labweb.fleet.live import EdgeConsumer
 from tests.builders import Bench, Edge, a_lab
 from tests.labweb.sockets import Socket, a_socket
 from tests.labweb.web import signed_in
