@@ -8,7 +8,8 @@ from django.core.management.base import BaseCommand, CommandError, CommandParser
 
 from labweb.accounts import selectors as account_selectors
 from labweb.domain.errors import LabError
-from labweb.enrollment import selectors, services
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment import services as enrollment_services
 
 
 class Command(BaseCommand):
@@ -27,12 +28,12 @@ class Command(BaseCommand):
 
     def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - as Django
         """Readmit, or say why not."""
-        host = selectors.all_hosts().filter(key=options["key"]).first()
+        host = enrollment_selectors.all_hosts().filter(key=options["key"]).first()
         actor = account_selectors.find_user(options["user"])
         if host is None or actor is None:
             raise CommandError("there is no such host or no such user")
         try:
-            services.readmit_host(host.id, actor=actor, reason=options["reason"])
+            enrollment_services.readmit_host(host.id, actor=actor, reason=options["reason"])
         except LabError as error:
             raise CommandError(f"{error.code}: {error.message}") from error
         self.stdout.write(f"{host.name} may begin again with a new journal")
