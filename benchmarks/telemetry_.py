@@ -31,7 +31,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from benchmarks.edge import a_broker, wait_for
 from benchmarks.figures import Figure, Options, p95_ms
 from benchmarks.memory import Memory, pid_of
-from labweb.common import signing
+from labweb.common.signatures import signing
 from labweb.domain.messages import Heartbeat, ServerFrame, TelemetryTaken
 from labweb.enrollment import services as enrollment_services
 from labweb.telemetry.models import Gap, Mark, Rollup, Sample

@@ -17,7 +17,7 @@ from labweb.api.answers.home import HomeNeed, HomePage, NeedKind
 from labweb.api.answers.search import SearchHit, SearchHits
 from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
-from labweb.common.reading import one_moment
+from labweb.common.database.reading import one_moment
 from labweb.common.requests import Parameter
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission

@@ -10,8 +10,8 @@ from django.urls import re_path
 
 from labweb.api.handler import Handler
 from labweb.api.live import BrowserConsumer, NoSuchConsumer
-from labweb.api.twin_feed import FeedConsumer
-from labweb.api.twin_proxy import TwinConsumer
+from labweb.api.twin.feed import FeedConsumer
+from labweb.api.twin.proxy import TwinConsumer
 from labweb.fleet.live import EdgeConsumer
 
 

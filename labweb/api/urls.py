@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from django.urls import include, path
 
-from labweb.api import deliveries, home, session, tokens, twin_proxy
+from labweb.api import deliveries, home
+from labweb.api.access import session, tokens
+from labweb.api.twin import proxy
 
 urlpatterns = [
     path("session", session.Session.as_view()),
@@ -16,7 +18,7 @@ urlpatterns = [
     path("home", home.Home.as_view()),
     path("search", home.Search.as_view()),
     path("deliveries", deliveries.Deliveries.as_view()),
-    path("twin", twin_proxy.Twin.as_view()),
+    path("twin", proxy.Twin.as_view()),
     path("", include("labweb.resources.urls")),
     path("", include("labweb.enrollment.urls")),
     path("", include("labweb.crutd.urls")),

@@ -17,7 +17,7 @@ from labweb.approvals.models import Policy as Policy
 from labweb.approvals.models import Tryout as Tryout
 from labweb.approvals.models import TryoutAct as TryoutAct
 from labweb.common.clock import now
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.enrollment.tryout import SILENT_S, STARTS_S, Act, Tried, fitting, tried
 from labweb.domain.errors import Finding, NotFoundError

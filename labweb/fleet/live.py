@@ -13,9 +13,9 @@ import msgspec
 
 from labweb.approvals import services as approval_services
 from labweb.common import faults
-from labweb.common.buckets import Rate
 from labweb.common.clock import now
-from labweb.common.lanes import on_lane
+from labweb.common.limits.lanes import on_lane
+from labweb.common.limits.rates import Rate
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.errors import LabError
 from labweb.domain.files import FileGone, FileOffer, FilePart, FileParts, FileTaken

@@ -11,7 +11,7 @@ from rest_framework.request import Request
 
 from labweb.accounts.models import AuditEntry, Grant
 from labweb.accounts.models import User as User
-from labweb.common.prepared import Given, Prepared, Question, together
+from labweb.common.database.prepared_queries import Given, Prepared, Question, together
 from labweb.domain.approvals.roles import PERMISSIONS, Permission, roles_with
 from labweb.domain.errors import ForbiddenError
 

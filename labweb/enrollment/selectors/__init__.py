@@ -10,9 +10,9 @@ from uuid import UUID
 import msgspec
 from django.db.models import Q, QuerySet, UUIDField
 
-from labweb.common import authority
 from labweb.common.clock import now
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.admission import admitted_spec
 from labweb.domain.enrollment.claims import is_same_everywhere
 from labweb.domain.enrollment.device import Device as DeviceData

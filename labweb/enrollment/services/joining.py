@@ -13,8 +13,9 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.common import authority, feed
+from labweb.common import feed
 from labweb.common.clock import new_id, now
+from labweb.common.signatures import authority
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.join import (
     LONGEST_NAME,

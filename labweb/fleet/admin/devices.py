@@ -9,7 +9,7 @@ from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.template.response import TemplateResponse
 
-from labweb.common.uploads import check_whole
+from labweb.common.files.uploads import check_whole
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.admission import SHOWS_ITSELF, Admission
 from labweb.domain.enrollment.reviewing import KeptReview

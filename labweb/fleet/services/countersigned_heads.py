@@ -7,7 +7,7 @@ import logging
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import chain as chains
 from labweb.approvals.selectors import end_of_decisions
-from labweb.common import signing
+from labweb.common.signatures import signing
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.chain import chain_of, end_of_events

@@ -10,7 +10,7 @@ from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.operations import Product, Receive, Refit
 from labweb.domain.errors import NotFoundError

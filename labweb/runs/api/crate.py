@@ -9,7 +9,7 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
-from labweb.common.download import sent
+from labweb.common.files.download import sent
 from labweb.domain.approvals.roles import Permission
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.api.runs import visible

@@ -11,7 +11,7 @@ import msgspec
 from django.contrib.postgres.fields import ArrayField
 from django.db.models import F, QuerySet, UUIDField
 
-from labweb.common.prepared import Given, IsAnyOf, Prepared
+from labweb.common.database.prepared_queries import Given, IsAnyOf, Prepared
 from labweb.common.render import iso
 from labweb.domain.calibration import model, standing
 from labweb.domain.calibration.judge import Result

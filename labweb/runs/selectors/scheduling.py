@@ -12,7 +12,7 @@ import msgspec
 from django.db.models import DateTimeField, Q, QuerySet, UUIDField
 
 from labweb.common import disk
-from labweb.common.prepared import Given, Prepared, Question, together
+from labweb.common.database.prepared_queries import Given, Prepared, Question, together
 from labweb.domain.disk import Disk, Level
 from labweb.domain.errors import LabError, NotFoundError
 from labweb.domain.runs import scheduler

@@ -10,7 +10,7 @@ import msgspec
 from django.db.transaction import atomic
 
 from labweb.common.clock import new_id, now
-from labweb.common.prepared import together
+from labweb.common.database.prepared_queries import together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction

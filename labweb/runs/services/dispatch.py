@@ -14,9 +14,10 @@ import msgspec
 from django.db import Error as DatabaseProblem
 from django.db.transaction import atomic, on_commit
 
-from labweb.common import faults, queue, signing
+from labweb.common import faults, queue
 from labweb.common.clock import new_id, now, tick
-from labweb.common.prepared import Question, together, update_row
+from labweb.common.database.prepared_queries import Question, together, update_row
+from labweb.common.signatures import signing
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.calibration.model import Correction

@@ -10,7 +10,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.common.clock import now
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors.facts import lab_facts
 from labweb.domain.crutd.decide import ResourceState

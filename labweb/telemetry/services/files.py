@@ -23,7 +23,7 @@ from django.db.transaction import atomic
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common.clock import now
-from labweb.common.lanes import give_back_connection
+from labweb.common.limits.lanes import give_back_connection
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES, is_name, plain_media_type

@@ -20,7 +20,7 @@ from labweb.accounts.models import AuditEntry, SignedHead
 from labweb.accounts.selectors.chain import audit_hash
 from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.approvals.selectors import decision_hash
-from labweb.common import signing
+from labweb.common.signatures import signing
 from labweb.crutd.models import Event, EventHead, Ticket
 from labweb.crutd.selectors.chain import event_hash
 from labweb.domain.messages import Heads, countersigned_bytes

@@ -16,8 +16,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
 from labweb.common.clock import now
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.join import Admitted, Ask, Waiting, code_of, parse_token
 from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenError, StateError
 from labweb.domain.messages import Refuse

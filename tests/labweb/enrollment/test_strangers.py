@@ -12,7 +12,7 @@ from django.db.models import F
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.claims import KEY_CHANGED_AFTER_S, LONGEST_GAP_S
 from labweb.domain.enrollment.sighting import MAKES_ROOM_AFTER_S, MOST_OF_ONE_PLACE, MOST_OPEN
 from labweb.domain.errors import StateError

@@ -16,7 +16,7 @@ from django.db.models import Q
 from pytest_django import DjangoCaptureOnCommitCallbacks, Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event
 from labweb.domain.crutd.operations import Restore, TransferLiquid

@@ -10,7 +10,7 @@ from django.core.files.uploadedfile import SimpleUploadedFile
 from django.test import Client
 from pytest_django import Settings
 
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.enrollment import services
 from labweb.enrollment.models import Candidate, Device
 from labweb.telemetry import selectors as telemetry_selectors

@@ -9,7 +9,7 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pytest_django import Settings
 
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.domain.errors import StateError
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device

@@ -9,7 +9,7 @@ from uuid import UUID
 import pytest
 from pytest_django import Settings
 
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.past import rebuild_differences
 from labweb.domain.crutd import operations

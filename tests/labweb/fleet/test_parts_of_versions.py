@@ -13,8 +13,8 @@ import pytest
 from django.db.transaction import atomic
 from pytest_django import Settings
 
-from labweb.common import authority
 from labweb.common.clock import now
+from labweb.common.signatures import authority
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, Transaction
 from labweb.crutd.selectors.past import as_it_was, rebuild_differences

@@ -9,7 +9,7 @@ import pytest
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.enrollment import services

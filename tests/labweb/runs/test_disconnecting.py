@@ -14,7 +14,7 @@ from django.core.management import call_command
 from django.db.models import Q
 from pytest_django import Settings
 
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, Holding
 from labweb.crutd.selectors.past import rebuild_differences

@@ -13,7 +13,7 @@ import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.accounts.selectors.chain import HeadsFile, stamped_bytes
-from labweb.common import time_stamp
+from labweb.common.signatures import time_stamp
 from labweb.domain.errors import LabError
 from labweb.fleet.selectors.countersigned_heads import heads_file
 from labweb.fleet.services import countersigned_heads

@@ -18,14 +18,14 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
+from labweb.api.access.password_attempts import Place, closed_words, remember
 from labweb.api.answers.session import (
     OpenSession,
     PasswordConfirmed,
     PasswordMaker,
     SignedInUser,
 )
-from labweb.api.sign_in import Place, closed_words, remember
-from labweb.common import sessions
+from labweb.common.database import sessions
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import ForbiddenError, NotFoundError

@@ -27,9 +27,9 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.answers.twin import TwinState
-from labweb.api.twin_dress import dress
-from labweb.api.twin_feed import find_alive
-from labweb.common.buckets import Rate
+from labweb.api.twin.feed import find_alive
+from labweb.api.twin.viser_page import dress
+from labweb.common.limits.rates import Rate
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError

@@ -1,7 +1,7 @@
 """Write a photo anew, so that nothing of what was brought but its picture is kept.
 
-`python -m labweb.common.photos SOURCE TARGET`: time and memory are bounded, and what the library
-does not survive ends this process alone.
+`python -m labweb.common.files.photos SOURCE TARGET`: time and memory are bounded, and what the
+library does not survive ends this process alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from PIL import Image, ImageOps
 
-from labweb.common.limits import limit_process
+from labweb.common.limits.processes import limit_process
 from labweb.domain.errors import DefinitionError
 
 FORMATS = ("JPEG", "PNG", "WEBP")

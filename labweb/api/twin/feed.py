@@ -17,10 +17,10 @@ from django.conf import settings
 from django.core.cache import cache
 from django.db.utils import InterfaceError, OperationalError
 
-from labweb.api import twin_snapshot
 from labweb.api.live import check_frame
-from labweb.common.buckets import Rate
+from labweb.api.twin import snapshot
 from labweb.common.feed import GROUP
+from labweb.common.limits.rates import Rate
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.errors import NotFoundError
 
@@ -92,7 +92,7 @@ class FeedConsumer(BoundedConsumer):
     async def connect(self) -> None:
         """Accept the bearer of the token; everybody else gets 403."""
         self.seq = 0
-        self.known: twin_snapshot.Body | None = None
+        self.known: snapshot.Body | None = None
         self.samples: dict[str, dict[str, tuple[float, Any]]] = {}
         self.is_dirty = True
         self.task: asyncio.Task[None] | None = None
@@ -162,7 +162,7 @@ class FeedConsumer(BoundedConsumer):
 
     async def _rebuild(self) -> None:
         try:
-            fresh = await self.ask(twin_snapshot.snapshot)
+            fresh = await self.ask(snapshot.snapshot)
         except (NotFoundError, OperationalError, InterfaceError) as error:
             logger.warning("the twin is not told anything for now: %s", error)
             return
@@ -170,7 +170,7 @@ class FeedConsumer(BoundedConsumer):
         if before is None:
             await self._tell("snapshot", fresh)
             return
-        for kind, data in twin_snapshot.changes(before, fresh):
+        for kind, data in snapshot.changes(before, fresh):
             await self._tell(kind, data)
 
     async def _tell(self, kind: str, data: object) -> None:

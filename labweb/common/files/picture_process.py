@@ -10,8 +10,8 @@ from pathlib import Path
 import msgspec
 from django.conf import settings
 
-from labweb.common.lanes import give_back_connection
-from labweb.common.photos import REFUSED
+from labweb.common.files.photos import REFUSED
+from labweb.common.limits.lanes import give_back_connection
 from labweb.domain.errors import DefinitionError
 
 WITHIN_S = 60.0

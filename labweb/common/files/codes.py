@@ -1,6 +1,6 @@
 """Read the codes in a picture, as a device shows them: QR, Data Matrix, Aztec, and bars.
 
-`python -m labweb.common.codes SOURCE` prints their texts as JSON; bounded as `photos`.
+`python -m labweb.common.files.codes SOURCE` prints their texts as JSON; bounded as `photos`.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from pathlib import Path
 
 import zxingcpp
 
-from labweb.common.limits import limit_process
-from labweb.common.photos import (
+from labweb.common.files.photos import (
     MAX_CPU_S,
     MAX_FILE_BYTES,
     MAX_MEMORY_BYTES,
     REFUSED,
     levels_of,
 )
+from labweb.common.limits.processes import limit_process
 from labweb.domain.errors import DefinitionError
 
 LONGEST_TEXT = 200

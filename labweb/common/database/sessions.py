@@ -12,7 +12,7 @@ from django.contrib.sessions.models import Session
 from django.db.models import DateTimeField, TextField
 from django.utils import timezone
 
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 
 _SESSION = Prepared(
     lambda: Session.objects.filter(

@@ -7,7 +7,7 @@ from rest_framework.request import Request
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
-from labweb.common import sessions
+from labweb.common.database import sessions
 from labweb.domain.errors import ForbiddenError
 
 

@@ -14,7 +14,7 @@ from django.test.utils import CaptureQueriesContext
 
 from labweb.accounts.models import AuditEntry
 from labweb.common.clock import new_id, now
-from labweb.common.prepared import (
+from labweb.common.database.prepared_queries import (
     Given,
     IsAnyOf,
     Prepared,
