@@ -31,7 +31,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from benchmarks.edge import a_broker, wait_for
 from benchmarks.figures import Figure, Options, p95_ms
 from benchmarks.memory import Memory, pid_of
-from labweb.common import signing
+from labweb.common.signatures import signing
 from labweb.domain.messages.frames import ServerFrame
 from labweb.domain.messages.session import Heartbeat
 from labweb.domain.messages.telemetry import TelemetryTaken

@@ -5,8 +5,9 @@ from __future__ import annotations
 from django.contrib import admin
 from django.urls import include, path, re_path
 
-from labweb.api import errors, pages, twin_proxy
+from labweb.api import errors, pages
 from labweb.api.schema_view import Schema
+from labweb.api.twin import proxy
 
 admin.autodiscover()
 
@@ -16,7 +17,7 @@ urlpatterns = [
     path("api/v1/", include("labweb.api.urls")),
     re_path(r"^api/", errors.no_such),
     path("admin/", admin.site.urls),
-    re_path(r"^twin/view(?:/(?P<path>.*))?$", twin_proxy.page),
+    re_path(r"^twin/view(?:/(?P<path>.*))?$", proxy.page),
     re_path(r"^(?!api/|admin/|static/|ws/|twin/view).*$", pages.app),
 ]
 

@@ -30,6 +30,7 @@ from labweb.domain.runs.host_journal import action_states as edge
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.enrollment.services import CatalogDriver
+from labweb.fleet.services import host_events
 from labweb.resources.models import Connection, Lab, Resource
 from labweb.runs import services as run_services
 from labweb.runs.models import Attempt, Job, Outbox, Run
@@ -258,7 +259,7 @@ class Edge:
 
     def send(self, *events: EdgeEvent) -> int | None:
         """Play events into the server."""
-        return run_services.ingest_events(self.host_id, self.epoch, events)
+        return host_events.ingest_events(self.host_id, self.epoch, events)
 
     def report(self, kind: str, action_id: UUID | None, **body: Any) -> int | None:  # noqa: ANN401
         """Append one fact and send it."""

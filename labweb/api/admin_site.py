@@ -15,8 +15,8 @@ from django.template.response import TemplateResponse
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.api.sign_in import Place, closed_words
-from labweb.common import sessions
+from labweb.api.access.password_attempts import Place, closed_words
+from labweb.common.database import sessions
 
 _SIGN_IN = "/login"
 _TYPED = "confirm_password"

@@ -20,7 +20,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from labweb.api.live import NoSuchConsumer
 from labweb.enrollment.live import JoinConsumer
-from labweb.runs.live import EdgeConsumer
+from labweb.fleet.live import EdgeConsumer
 
 _Send = Callable[[dict[str, Any]], Awaitable[None]]
 

@@ -16,14 +16,14 @@ from django.http import HttpRequest, JsonResponse
 from django.http.response import HttpResponseBase
 
 from labweb.api import paces
+from labweb.api.access.callers import Callers, caller_of_session, caller_of_token, stranger_of
+from labweb.api.access.token_sign_in import bearer_of
 from labweb.api.bodies import BoundedBody
 from labweb.api.borders import Receive, Scope, Send
-from labweb.api.callers import Callers, caller_of_session, caller_of_token, stranger_of
 from labweb.api.errors import refusal
 from labweb.api.paces import STREAMS, TERMS, Pace
-from labweb.api.token_sign_in import bearer_of
-from labweb.common.buckets import Buckets
-from labweb.common.lanes import FullError, Lane, Ticket, give_back_connection
+from labweb.common.limits.lanes import FullError, Lane, Ticket, give_back_connection
+from labweb.common.limits.rates import Buckets
 
 logger = logging.getLogger(__name__)
 

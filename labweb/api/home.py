@@ -15,11 +15,10 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, permissions_of, user_of
 from labweb.api.answers.home import HomeNeed, HomePage, NeedKind
 from labweb.api.answers.search import SearchHit, SearchHits
-from labweb.api.devices import device_rows, host_rows
 from labweb.approvals import selectors as approval_selectors
 from labweb.calibration import selectors as calibration_selectors
 from labweb.common import disk
-from labweb.common.reading import one_moment
+from labweb.common.database.reading import one_moment
 from labweb.common.requests import Parameter
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.role_permissions import Permission
@@ -28,6 +27,8 @@ from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.units import render_volume
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
+from labweb.fleet.api.devices import device_rows
+from labweb.fleet.api.hosts import host_rows
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors

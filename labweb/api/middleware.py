@@ -14,7 +14,7 @@ from django.utils.decorators import sync_and_async_middleware
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.common import sessions
+from labweb.common.database import sessions
 
 _APP_POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self' 'unsafe-inline'; "

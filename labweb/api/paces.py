@@ -1,8 +1,8 @@
 """How quick each endpoint is: the one place where it is declared.
 
 A quick endpoint reads and writes rows. One that computes for long, waits for another process or
-packs a file is declared so here, and runs in a lane of its own (`labweb.common.lanes`). A test
-walks all addresses of the server: one that is not declared here fails it.
+packs a file is declared so here, and runs in a lane of its own (`labweb.common.limits.lanes`). A
+test walks all addresses of the server: one that is not declared here fails it.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from enum import StrEnum
 from functools import cache
 
 from labweb.api.parsers import MAX_BODY_BYTES
-from labweb.common.buckets import Rate
-from labweb.common.lanes import Room
-from labweb.common.uploads import ENVELOPE_BYTES, MOST_OTHER_BYTES
+from labweb.common.files.uploads import ENVELOPE_BYTES, MOST_OTHER_BYTES
+from labweb.common.limits.lanes import Room
+from labweb.common.limits.rates import Rate
 from labweb.telemetry.services import MOST_PHOTO_BYTES
 from labweb.telemetry.services.kept_files import MOST_BYTES
 

@@ -10,9 +10,9 @@ from django.urls import re_path
 
 from labweb.api.handler import Handler
 from labweb.api.live import BrowserConsumer, NoSuchConsumer
-from labweb.api.twin_feed import FeedConsumer
-from labweb.api.twin_proxy import TwinConsumer
-from labweb.runs.live import EdgeConsumer
+from labweb.api.twin.feed import FeedConsumer
+from labweb.api.twin.proxy import TwinConsumer
+from labweb.fleet.live import EdgeConsumer
 
 
 def _route(pattern: str, consumer: Any) -> Any:  # noqa: ANN401 - Django's types know no ASGI

@@ -32,7 +32,7 @@ REFUSAL: dict[str, Any] = {
 class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call] # the library registers it
     """How a program signs in."""
 
-    target_class = "labweb.api.token_sign_in.TokenAuthentication"
+    target_class = "labweb.api.access.token_sign_in.TokenAuthentication"
     name = "accessToken"
 
     def get_security_definition(self, auto_schema: AutoSchema) -> dict[str, str]:

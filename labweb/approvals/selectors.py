@@ -17,7 +17,7 @@ from labweb.approvals.models import Policy as Policy
 from labweb.approvals.models import Tryout as Tryout
 from labweb.approvals.models import TryoutAct as TryoutAct
 from labweb.common.clock import now
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.canonical_json import canonical
 from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.enrollment.driver_tryout import (

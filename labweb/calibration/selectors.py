@@ -12,7 +12,7 @@ from django.contrib.postgres.fields import ArrayField
 from django.db.models import F, QuerySet, UUIDField
 
 from labweb.calibration.models import Calibration as Calibration
-from labweb.common.prepared import Given, IsAnyOf, Prepared
+from labweb.common.database.prepared_queries import Given, IsAnyOf, Prepared
 from labweb.common.render import iso
 from labweb.domain.calibration import calibration_validity, correction
 from labweb.domain.calibration.calibration_order import Reference

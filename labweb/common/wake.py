@@ -17,7 +17,7 @@ from typing import Any
 import psycopg
 from django.db import connection
 
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 
 logger = logging.getLogger(__name__)
 

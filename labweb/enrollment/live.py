@@ -10,8 +10,8 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.common import authority
-from labweb.common.buckets import Rate
+from labweb.common.limits.rates import Rate
+from labweb.common.signatures import authority
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.enrollment.host_join import JoinAsk, JoinFrame, JoinOffer, JoinWaiting
 from labweb.domain.errors import LabError

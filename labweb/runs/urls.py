@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.runs.api import approvals, custody, hosts, lab, reservations, runs, workflows
+from labweb.runs.api import approvals, custody, lab, reservations, runs, workflows
 
 urlpatterns = [
     path("lab", lab.LabView.as_view()),
@@ -31,9 +31,6 @@ urlpatterns = [
     path("resources/<uuid:resource_id>/custody", custody.InWhoseHands.as_view()),
     path("resources/<uuid:resource_id>/handover", custody.HandOvers.as_view()),
     path("handovers/<uuid:custody_id>/arrived", custody.Arrival.as_view()),
-    path("hosts/<uuid:host_id>/fence", hosts.HostAct.as_view(act="fence")),
-    path("hosts/<uuid:host_id>/revoke", hosts.HostAct.as_view(act="revoke")),
-    path("hosts/<uuid:host_id>/readmit", hosts.HostAct.as_view(act="readmit")),
     path("approvals", approvals.Requests.as_view()),
     path("approvals/<uuid:request_id>", approvals.OneRequest.as_view()),
     path("approvals/<uuid:request_id>/decision", approvals.DecideRequest.as_view()),

@@ -64,7 +64,8 @@ def database(url: str) -> dict[str, Any]:
         "HOST": parts.pop("host", ""),
         "PORT": str(parts.pop("port", "")),
         "CONN_MAX_AGE": 0,
-        # Of use to `labweb.common.prepared` alone: what else runs binds its values into the text.
+        # Of use to `labweb.common.database.prepared_queries` alone: what else runs binds its
+        # values into the text.
         "OPTIONS": {**parts, "pool": POOL, "prepare_threshold": 0},
     }
 
@@ -91,6 +92,7 @@ INSTALLED_APPS = [
     "labweb.approvals",
     "labweb.runs",
     "labweb.records",
+    "labweb.fleet",
     "rest_framework",
     "drf_spectacular",
     "channels",
@@ -187,7 +189,7 @@ WHITENOISE_USE_FINDERS = True
 # Vite puts a hash of their content into the names of what it builds.
 WHITENOISE_IMMUTABLE_FILE_TEST = r"^/static/web/assets/.+-[\w-]{8}\.\w+$"
 
-SESSION_ENGINE = "labweb.common.sessions"
+SESSION_ENGINE = "labweb.common.database.sessions"
 SESSION_COOKIE_HTTPONLY = True
 SESSION_COOKIE_SAMESITE = "Lax"
 SESSION_COOKIE_AGE = 12 * 3600
@@ -202,14 +204,14 @@ SECURE_CONTENT_TYPE_NOSNIFF = True
 SECURE_REFERRER_POLICY = "same-origin"
 DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 # A form is read before anybody knows who sends it: it has an end whatever it is for.
-FILE_UPLOAD_HANDLERS = ["labweb.common.uploads.Bounded"]
+FILE_UPLOAD_HANDLERS = ["labweb.common.files.uploads.Bounded"]
 
 REST_FRAMEWORK = {
     "DEFAULT_AUTHENTICATION_CLASSES": [
-        "labweb.api.token_sign_in.TokenAuthentication",
+        "labweb.api.access.token_sign_in.TokenAuthentication",
         "rest_framework.authentication.SessionAuthentication",
     ],
-    "DEFAULT_PERMISSION_CLASSES": ["labweb.api.permissions.SignedIn"],
+    "DEFAULT_PERMISSION_CLASSES": ["labweb.api.access.permissions.SignedIn"],
     "DEFAULT_RENDERER_CLASSES": ["labweb.common.answers.AnswerRenderer"],
     "DEFAULT_PARSER_CLASSES": ["labweb.api.parsers.StrictJSONParser"],
     "DEFAULT_SCHEMA_CLASS": "labweb.api.schema.LabSchema",
@@ -226,7 +228,7 @@ SPECTACULAR_SETTINGS = {
     "SERVE_INCLUDE_SCHEMA": False,
     # Answers are plain documents without serializers; that is no matter of deployment.
     "ENABLE_DJANGO_DEPLOY_CHECK": False,
-    "SERVE_PERMISSIONS": ["labweb.api.permissions.SignedIn"],
+    "SERVE_PERMISSIONS": ["labweb.api.access.permissions.SignedIn"],
 }
 
 TRUSTED_PROXIES = [

@@ -13,9 +13,9 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
-from labweb.common.download import Blocks, sent
+from labweb.common.files.download import Blocks, sent
+from labweb.common.files.uploads import Bounded, one_file
 from labweb.common.requests import Parameter, one_of, seconds, whole_number, word
-from labweb.common.uploads import Bounded, one_file
 from labweb.domain.enrollment.driver_spec import UNITS, StatusSpec
 from labweb.domain.errors import DefinitionError
 from labweb.domain.telemetry_resolution import MOST_POINTS, NAMES

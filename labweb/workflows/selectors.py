@@ -10,7 +10,7 @@ from uuid import UUID
 from django.db.models import Prefetch, QuerySet, UUIDField
 
 from labweb.accounts.selectors import User
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import Finding, NotFoundError
 from labweb.domain.recipes.agreement.keeping import changes_since

@@ -15,6 +15,7 @@ APPS = (
     "campaigns",
     "crutd",
     "enrollment",
+    "fleet",
     "records",
     "resources",
     "runs",

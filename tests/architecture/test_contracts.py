@@ -26,6 +26,7 @@ FORBIDDEN_IMPORTS = [
     ("floors", "labweb/calibration/services.py", "labweb.crutd.services"),
     ("floors", "labweb/runs/services.py", "labweb.records.services"),
     ("floors", "labweb/records/services.py", "labweb.fleet.services"),
+    ("floors", "labweb/runs/services.py", "labweb.fleet.services"),
     ("floors", "labweb/newcomer.py", "labweb.domain.errors"),
     ("app", "labweb/runs/models.py", "labweb.runs.services"),
     ("app", "labweb/runs/services.py", "labweb.runs.live"),
@@ -67,6 +68,7 @@ FORBIDDEN_IMPORTS = [
     ("models", "labweb/runs/services.py", "labweb.accounts.models"),
     ("models", "labweb/runs/services.py", "labweb.calibration.models"),
     ("models", "labweb/records/services.py", "labweb.runs.models"),
+    ("models", "labweb/fleet/services.py", "labweb.runs.models"),
     ("acyclic", "twin/server.py", "twin.circle"),
     ("acyclic", "workers/base/config.py", "workers.base.celery_apps"),
     ("simulators", "fixtures/instruments/mutant.py", "drivers.base"),
@@ -77,6 +79,7 @@ FORBIDDEN_IMPORTS = [
 
 ALLOWED_IMPORTS = [
     ("labweb/runs/services.py", "labweb.accounts.selectors"),
+    ("labweb/fleet/services.py", "labweb.runs.services"),
     ("workers/mutant.py", "labweb.domain.errors"),
     ("workers/mutant.py", "drivers.base"),
     ("labweb/runs/services.py", "labweb.runs.models"),

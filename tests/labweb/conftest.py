@@ -10,7 +10,7 @@ from django.db import connection
 from pytest_django import DjangoDbBlocker
 from redis import Redis
 
-from labweb.common import signing
+from labweb.common.signatures import signing
 from tests.builders import Bench, a_lab
 from tests.services import Services
 

@@ -14,8 +14,8 @@ from django.test import Client
 from django.urls import URLPattern, URLResolver, get_resolver
 
 from labweb.accounts.selectors import User
-from labweb.common import sessions
 from labweb.common.answers import answers_of
+from labweb.common.database import sessions
 from tests.builders import Bench
 
 KEY = "HTTP_IDEMPOTENCY_KEY"

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from labweb.accounts.models import AuditEntry, SignedHead
-from labweb.common import signing, witness
+from labweb.common.signatures import heads_file, signing
 from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import DefinitionError, Finding
 from labweb.domain.messages.chain_heads import ChainHead, Countersigned, read_head
@@ -145,7 +145,7 @@ def first_broken_head(
         hash_at: Tells the hash of a row of it, by its number.
         kept: Heads that were kept elsewhere, of any chain.
     """
-    last = witness.last_head(chain)
+    last = heads_file.last_head(chain)
     heads = [(row.key, row.body, row.signature) for row in _rows(chain)]
     heads += [(one.key, one.signed.body, one.signed.signature) for one in kept]
     if last is not None:

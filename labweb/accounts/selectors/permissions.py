@@ -10,7 +10,7 @@ from django.db.models import Exists, OuterRef, UUIDField
 
 from labweb.accounts.models import Grant
 from labweb.accounts.models import User as User
-from labweb.common.prepared import Given, Prepared, Question, together
+from labweb.common.database.prepared_queries import Given, Prepared, Question, together
 from labweb.domain.approvals.role_permissions import PERMISSIONS, Permission, roles_with
 
 

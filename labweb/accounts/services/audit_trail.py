@@ -11,7 +11,7 @@ from django.db.transaction import atomic
 from labweb.accounts.models import AuditEntry, User
 from labweb.accounts.selectors.hash_chains import audit_hash
 from labweb.common.clock import now
-from labweb.common.prepared import Question, insert_rows, together
+from labweb.common.database.prepared_queries import Question, insert_rows, together
 
 acting_token: ContextVar[dict[str, str] | None] = ContextVar("acting_token", default=None)
 """Id and name of the access token that acts in this request; None: a person, or the server."""

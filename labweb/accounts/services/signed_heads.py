@@ -8,8 +8,8 @@ from django.db.transaction import atomic
 
 from labweb.accounts.models import SignedHead
 from labweb.accounts.selectors import hash_chains as chains
-from labweb.common import signing, witness
 from labweb.common.clock import now
+from labweb.common.signatures import heads_file, signing
 from labweb.domain.errors import StateError
 from labweb.domain.messages.chain_heads import ChainHead, read_head
 from labweb.domain.runs.host_journal.countersigned_heads import check_head
@@ -49,7 +49,7 @@ def sign_chain(chain: str, end: tuple[int, str] | None) -> SignedHead | None:
 
 def _known(chain: str) -> list[ChainHead]:
     """Return the newest heads of a chain that were signed, by the database and by the file."""
-    row, last = chains.newest_head(chain), witness.last_head(chain)
+    row, last = chains.newest_head(chain), heads_file.last_head(chain)
     bodies = [one.body for one in (row, last) if one is not None]
     return [read_head(body) for body in bodies]
 
@@ -64,5 +64,5 @@ def _write(head: ChainHead, at: datetime) -> SignedHead:
         body=signed.body,
         signature=signed.signature,
     )
-    witness.keep_head(head.chain, signed)
+    heads_file.keep_head(head.chain, signed)
     return row

@@ -6,8 +6,9 @@ from datetime import datetime
 from typing import Literal
 from uuid import UUID
 
-from labweb.api.answers.devices import DeviceRow, HostRow
 from labweb.common.answers import ApiAnswer
+from labweb.fleet.answers.devices import DeviceRow
+from labweb.fleet.answers.hosts import HostRow
 from labweb.runs.answers.run_rows import RunRow
 from labweb.runs.answers.workflows import WorkflowOverview
 

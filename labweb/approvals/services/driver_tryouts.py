@@ -20,8 +20,9 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.approvals import selectors
 from labweb.approvals.models import SimulatorOffer, Tryout, TryoutAct
-from labweb.common import feed, signing
+from labweb.common import feed
 from labweb.common.clock import now
+from labweb.common.signatures import signing
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.enrollment.driver_bundle import PART_BYTES, digest_of, encode_bundle
 from labweb.domain.enrollment.driver_spec import DriverSpec, check_arguments, check_config

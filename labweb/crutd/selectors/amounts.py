@@ -8,7 +8,7 @@ from uuid import UUID
 
 from django.db.models import Q, Sum
 
-from labweb.common.prepared import (
+from labweb.common.database.prepared_queries import (
     Question,
     together,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from uuid import UUID
 
-from labweb.common.prepared import (
+from labweb.common.database.prepared_queries import (
     prepared_cursor,
 )
 from labweb.crutd.models import Event as Event

@@ -9,7 +9,7 @@ from uuid import UUID
 from django.db.models import QuerySet
 
 from labweb.common.clock import now
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd.models import ResourceReservation as ResourceReservation
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.exclusive_use.action_locks import Lock, LockMode

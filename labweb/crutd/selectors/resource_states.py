@@ -9,7 +9,7 @@ from uuid import UUID
 from django.contrib.postgres.fields import ArrayField
 from django.db.models import F, UUIDField
 
-from labweb.common.prepared import (
+from labweb.common.database.prepared_queries import (
     Given,
     IsAnyOf,
     Prepared,

@@ -9,7 +9,7 @@ from uuid import UUID
 
 from django.db.models import QuerySet
 
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd.models import RunHold as RunHold
 from labweb.domain.runs.exclusive_use.run_holds import UseMode
 

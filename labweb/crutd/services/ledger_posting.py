@@ -14,7 +14,7 @@ from typing import Any
 from django.db import connection
 
 from labweb.common.clock import happened_at, new_id
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting
 from labweb.domain.crutd.reserved_amounts import Reservation

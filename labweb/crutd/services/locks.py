@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 from django.db import OperationalError
 
 from labweb.accounts import selectors as account_selectors
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd import selectors
 from labweb.crutd.selectors import reservations
 from labweb.domain.approvals.role_permissions import Permission

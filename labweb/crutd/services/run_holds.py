@@ -9,7 +9,7 @@ from uuid import UUID
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import new_id, now
-from labweb.common.prepared import Question
+from labweb.common.database.prepared_queries import Question
 from labweb.crutd.models import RunHold
 from labweb.crutd.selectors.run_holds import HeldAt, holds_on
 from labweb.domain.crutd import operations

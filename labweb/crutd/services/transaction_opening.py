@@ -10,7 +10,7 @@ from uuid import UUID
 from django.db.transaction import atomic
 
 from labweb.common.clock import now
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd import selectors
 from labweb.crutd.models import Transaction
 from labweb.crutd.selectors import reservations as reserved

@@ -11,8 +11,8 @@ from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.http.response import HttpResponseBase
 from django.views.decorators.http import require_POST
 
-from labweb.common.apart import read_apart
-from labweb.common.uploads import check_whole
+from labweb.common.files.picture_process import read_apart
+from labweb.common.files.uploads import check_whole
 from labweb.domain.errors import DefinitionError
 
 MOST_BYTES = 16 * 2**20
@@ -48,7 +48,7 @@ def _text_in(request: HttpRequest) -> str:
     if not isinstance(picture, TemporaryUploadedFile) or not picture.size:
         raise DefinitionError("choose a photo first", code="file.empty")
     path = Path(picture.temporary_file_path())
-    texts = msgspec.json.decode(read_apart("labweb.common.codes", path), type=list[str])
+    texts = msgspec.json.decode(read_apart("labweb.common.files.codes", path), type=list[str])
     if not texts:
         text = "no code was read in the picture: come nearer, hold still, or type it"
         raise DefinitionError(text, code="photo.no_code")

@@ -8,8 +8,8 @@ from uuid import UUID
 
 from django.db.models import QuerySet
 
-from labweb.common import authority
 from labweb.common.clock import now
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.announcement_trust import is_same_everywhere
 from labweb.domain.enrollment.device_announcements import FORGOTTEN_AFTER_S
 from labweb.domain.enrollment.host_join import code_of

@@ -8,7 +8,7 @@ from uuid import UUID
 import msgspec
 from django.db.models import Q, QuerySet, UUIDField
 
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.enrollment.admitted_device import AdmittedDevice as DeviceData
 from labweb.domain.enrollment.admitted_interface import admitted_spec
 from labweb.domain.enrollment.driver_spec import DriverSpec

@@ -7,7 +7,7 @@ from uuid import UUID
 
 from django.db.models import QuerySet, UUIDField
 
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment.models import DriverVersion
 

@@ -6,7 +6,7 @@ from uuid import UUID
 
 from django.db.models import QuerySet, UUIDField
 
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.errors import NotFoundError
 from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.host_link.host_session import SessionState

@@ -8,8 +8,8 @@ from uuid import UUID
 
 from django.db.models import QuerySet
 
-from labweb.common import authority
 from labweb.common.clock import now
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.host_join import WAITS_FOR_S, code_of
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment.models import Candidate as Candidate

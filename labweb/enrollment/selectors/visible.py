@@ -8,7 +8,7 @@ from uuid import UUID
 from django.db.models import UUIDField
 
 from labweb.accounts.selectors import User
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment.models import Device, EdgeHost

@@ -7,8 +7,8 @@ from uuid import UUID
 from django.db.transaction import atomic
 
 from labweb.accounts import services as account_services
-from labweb.common import authority
 from labweb.common.clock import now
+from labweb.common.signatures import authority
 from labweb.domain.errors import EnrollmentError
 from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.enrollment import selectors

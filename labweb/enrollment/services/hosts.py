@@ -12,8 +12,9 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.common import disk, feed, signing
+from labweb.common import disk, feed
 from labweb.common.clock import new_id, now, tick
+from labweb.common.signatures import signing
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.disk_space import DiskRoomLevel

@@ -13,8 +13,9 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.common import authority, feed
+from labweb.common import feed
 from labweb.common.clock import new_id, now
+from labweb.common.signatures import authority
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.enrollment.admission_reason import refuse_no_reason
 from labweb.domain.enrollment.host_join import (

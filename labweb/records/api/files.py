@@ -16,10 +16,10 @@ from rest_framework.response import Response
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.answers import NamedRef, NumberedRef
-from labweb.common.download import Blocks
+from labweb.common.files.download import Blocks
+from labweb.common.files.uploads import Bounded, one_file
 from labweb.common.lists import HISTORY
 from labweb.common.requests import Parameter, id_of, identity, whole_number
-from labweb.common.uploads import Bounded, one_file
 from labweb.crutd import api as crutd_api
 from labweb.domain.action_files import KEPT_ONLY, MEDIA_TYPES
 from labweb.domain.approvals.role_permissions import Permission

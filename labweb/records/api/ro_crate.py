@@ -9,7 +9,7 @@ from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
-from labweb.common.download import sent
+from labweb.common.files.download import sent
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.records.services.electronic_lab_notebook import MEDIA_TYPE, name_of, pack_eln
 from labweb.records.services.ro_crate import pack_run

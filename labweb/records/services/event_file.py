@@ -19,7 +19,7 @@ from django.db import DatabaseError
 from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
-from labweb.common.reading import one_moment
+from labweb.common.database.reading import one_moment
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Event
 from labweb.crutd.selectors.event_chain import broken_link, told_columns

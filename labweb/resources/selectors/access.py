@@ -8,7 +8,7 @@ from uuid import UUID
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.resources.selectors.ancestry import Below

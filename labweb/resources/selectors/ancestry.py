@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Any
 from uuid import UUID
 
-from labweb.common.prepared import Question, Written, prepared_cursor, together
+from labweb.common.database.prepared_queries import Question, Written, prepared_cursor, together
 from labweb.domain.runs.exclusive_use.run_holds import ROOMY
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab

@@ -8,7 +8,7 @@ from uuid import UUID
 from django.db.models import QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.errors import NotFoundError
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab

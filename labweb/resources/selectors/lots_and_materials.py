@@ -7,7 +7,7 @@ from uuid import UUID
 
 from django.db.models import Q, QuerySet, UUIDField
 
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.crutd.operations import Product, Receive
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab

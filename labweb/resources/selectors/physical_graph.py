@@ -8,7 +8,7 @@ from uuid import UUID
 
 from django.db.models import Q, QuerySet, UUIDField
 
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.crutd.operations import Refit
 from labweb.domain.graph.attachments import Attachment, find_attachments
 from labweb.domain.graph.ports_and_connections import Connection as ConnectionData

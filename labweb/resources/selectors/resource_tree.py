@@ -7,7 +7,7 @@ from uuid import UUID
 
 from django.db.models import Q, QuerySet, UUIDField
 
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.pose import parse_pose
 from labweb.domain.resources.resource import Resource as ResourceData

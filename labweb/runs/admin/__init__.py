@@ -1,7 +1,7 @@
-"""Admin pages of runs, and the review in which a device is admitted, suspended or retired."""
+"""Admin pages of runs, and of what was sent for them and told of them."""
 
 from __future__ import annotations
 
-from labweb.runs.admin import devices, executions
+from labweb.runs.admin import executions
 
-__all__ = ["devices", "executions"]
+__all__ = ["executions"]

@@ -12,7 +12,7 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.answers import NamedRef
-from labweb.common.prepared import together
+from labweb.common.database.prepared_queries import together
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.graph.lab_file.lab_model import LabMode
 from labweb.domain.runs.after_failure.plan_departures import departures

@@ -14,8 +14,8 @@ from rest_framework.request import Request
 from labweb.accounts.api import Endpoint, check_scope, is_by_token
 from labweb.accounts.selectors import User, user_of
 from labweb.common.answers import NumberedRef
+from labweb.common.database.reading import one_moment
 from labweb.common.lists import HISTORY, STANDING
-from labweb.common.reading import one_moment
 from labweb.common.requests import Parameter, body
 from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors

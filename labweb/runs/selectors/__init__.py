@@ -13,7 +13,7 @@ from django.db.models.functions import Cast, Concat
 from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
-from labweb.common.prepared import Given, Prepared
+from labweb.common.database.prepared_queries import Given, Prepared
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.disk_space import DiskRoomLevel
 from labweb.domain.errors import NotFoundError

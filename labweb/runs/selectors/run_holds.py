@@ -8,7 +8,7 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd.selectors.run_holds import RunHold as RunHold
 from labweb.crutd.selectors.run_holds import holds_of as holds_of
 from labweb.domain.crutd import operations

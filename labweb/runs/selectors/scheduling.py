@@ -12,7 +12,7 @@ import msgspec
 from django.db.models import DateTimeField, Q, QuerySet, UUIDField
 
 from labweb.common import disk
-from labweb.common.prepared import Given, Prepared, Question, together
+from labweb.common.database.prepared_queries import Given, Prepared, Question, together
 from labweb.domain.disk_space import DiskRoomLevel, DiskSpace
 from labweb.domain.errors import LabError, NotFoundError
 from labweb.domain.runs.after_failure.recovery_choices import is_taken_away

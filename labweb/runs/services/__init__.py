@@ -1,4 +1,4 @@
-"""Writes of runs: start, dispatch, take in what hosts report, control."""
+"""Writes of runs: start, dispatch, take in what hosts report of jobs, control."""
 
 from __future__ import annotations
 
@@ -11,13 +11,6 @@ from labweb.runs.services.action_files import (
 )
 from labweb.runs.services.approval_expiry import expire_requests
 from labweb.runs.services.device_identification import show_device
-from labweb.runs.services.drivers import (
-    Given,
-    look_at_parts,
-    replace_driver,
-    replace_drivers,
-    switch_waiting,
-)
 from labweb.runs.services.execution.custody import begin_transfer, confirm_arrival, hand_over
 from labweb.runs.services.execution.dispatch import publish_outbox
 from labweb.runs.services.execution.failure_containment import is_away, is_passing, tell_failing
@@ -26,17 +19,7 @@ from labweb.runs.services.execution.scheduler_tick import dispatch_ready
 from labweb.runs.services.fault_recovery.doubt_resolution import Beside, resolve_job
 from labweb.runs.services.fault_recovery.readings_against_answers import reread_answers
 from labweb.runs.services.fault_recovery.undone_jobs import recover_job
-from labweb.runs.services.fencing import (
-    fence_host,
-    note_quarantine,
-    note_rival,
-    note_version,
-    revoke_host,
-)
-from labweb.runs.services.heads import heads_for_hosts, sign_heads
 from labweb.runs.services.host_run_requests import asks_told, let_ask, take_ask, withdraw_ask
-from labweb.runs.services.ingest import ingest_events
-from labweb.runs.services.isolation import isolate_hosts
 from labweb.runs.services.job_confirmation import confirm_job
 from labweb.runs.services.planning.lab_view import lab_view
 from labweb.runs.services.planning.preview import preview
@@ -54,7 +37,6 @@ from labweb.runs.services.stopping.pause_and_stop import (
 
 __all__ = [
     "Beside",
-    "Given",
     "abort_run",
     "announce",
     "asks_told",
@@ -65,21 +47,13 @@ __all__ = [
     "dispatch_ready",
     "end_reservation",
     "expire_requests",
-    "fence_host",
     "files_asked",
     "hand_over",
-    "heads_for_hosts",
-    "ingest_events",
     "is_away",
     "is_passing",
-    "isolate_hosts",
     "lab_view",
     "let_ask",
-    "look_at_parts",
-    "note_quarantine",
-    "note_rival",
     "note_silence",
-    "note_version",
     "offer_file",
     "pause_run",
     "preview",
@@ -88,20 +62,15 @@ __all__ = [
     "recover_job",
     "rehearse_dispatch",
     "rehearse_start",
-    "replace_driver",
-    "replace_drivers",
     "reread_answers",
     "reserve",
     "reset_lab",
     "resolve_job",
     "resume_run",
-    "revoke_host",
     "show_device",
-    "sign_heads",
     "start_run",
     "stop_device",
     "stop_lab",
-    "switch_waiting",
     "take_ask",
     "take_file",
     "take_gone",

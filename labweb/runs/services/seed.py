@@ -18,7 +18,7 @@ from django.db.transaction import atomic
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
 from labweb.approvals import services as approval_services
-from labweb.common import signing
+from labweb.common.signatures import signing
 from labweb.crutd import services as crutd_services
 from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFile, LabMode
 from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed

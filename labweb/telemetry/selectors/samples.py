@@ -10,7 +10,7 @@ from uuid import UUID
 from django.db import connection
 from django.db.models import QuerySet
 
-from labweb.common.prepared import Question
+from labweb.common.database.prepared_queries import Question
 from labweb.telemetry.models import Sample
 
 _LATEST_IN = """

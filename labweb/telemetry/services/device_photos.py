@@ -12,8 +12,8 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
-from labweb.common.apart import read_apart
 from labweb.common.clock import now
+from labweb.common.files.picture_process import read_apart
 from labweb.domain.action_files import KEPT_ONLY
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import StateError
@@ -56,7 +56,7 @@ def keep_photo(device_id: UUID, stream: IO[bytes], *, actor: User) -> DevicePhot
     with room() as folder:
         brought, photo = folder / "brought", folder / "photo.jpg"
         received(stream, brought, MOST_PHOTO_BYTES)
-        read_apart("labweb.common.photos", brought, photo)
+        read_apart("labweb.common.files.photos", brought, photo)
         return _kept(photo, device, actor)
 
 

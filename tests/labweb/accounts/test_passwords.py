@@ -12,8 +12,8 @@ from django.test import Client
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry, Grant, User
-from labweb.api.sign_in import MOST_FAILURES
-from labweb.common import sessions
+from labweb.api.access.password_attempts import MOST_FAILURES
+from labweb.common.database import sessions
 from labweb.runs.models import Run
 from tests.builders import HEAT, PASSWORD, Bench, a_started_run
 from tests.labweb.web import call, code_of, read, signed_in

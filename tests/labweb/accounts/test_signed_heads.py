@@ -20,10 +20,11 @@ from labweb.accounts.models import AuditEntry, SignedHead
 from labweb.accounts.selectors.hash_chains import audit_hash
 from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.approvals.selectors import decision_hash
-from labweb.common import signing
+from labweb.common.signatures import signing
 from labweb.crutd.models import Event, EventHead, Ticket
 from labweb.crutd.selectors.event_chain import event_hash
 from labweb.domain.messages.chain_heads import Heads, countersigned_bytes
+from labweb.fleet.services import countersigned_heads
 from labweb.runs import services
 from tests.builders import HEAT, Bench, Edge, a_started_run, an_edge
 
@@ -44,7 +45,7 @@ def recorded(bench: Bench, host: Edge) -> Bench:
         is_approved=True,
         comment="seen",
     )
-    assert services.sign_heads() == 3
+    assert countersigned_heads.sign_heads() == 3
     return bench
 
 
@@ -182,14 +183,14 @@ def test_a_chain_that_was_written_again_is_not_signed_and_a_person_is_asked(
 ) -> None:
     with keys_to_the_database():
         forge_audit()
-    assert services.sign_heads() == 0
-    assert services.sign_heads() == 0
+    assert countersigned_heads.sign_heads() == 0
+    assert countersigned_heads.sign_heads() == 0
     tickets = Ticket.objects.filter(code="records.conflict", detail__chain="audit")
     assert tickets.count() == 1
 
 
 def test_what_has_not_grown_is_not_signed_again(recorded: Bench) -> None:
-    assert services.sign_heads() == 0
+    assert countersigned_heads.sign_heads() == 0
 
 
 GUARDED = (
@@ -231,7 +232,7 @@ def told(host: Edge, heads: Heads, kind: str = "countersigned", **more: str) -> 
 
 
 def sent() -> Heads:
-    heads = services.heads_for_hosts()
+    heads = countersigned_heads.heads_for_hosts()
     assert heads is not None
     return heads
 

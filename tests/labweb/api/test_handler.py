@@ -20,8 +20,8 @@ from labweb.accounts.models import User
 from labweb.api import handler as handler_module
 from labweb.api import paces
 from labweb.api.handler import Handler
-from labweb.common.buckets import Rate
-from labweb.common.lanes import Room
+from labweb.common.limits.lanes import Room
+from labweb.common.limits.rates import Rate
 
 SEEN: list[int] = []
 

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from labweb.api import twin_snapshot
+from labweb.api.twin import snapshot
 from tests.labweb.api.twin_site import Site, there_is_a_twin_at
 from twin import palette
 from twin.palette import Role, Theme
@@ -63,7 +63,7 @@ def _pixels(site: Site, theme: Theme) -> np.ndarray[Any, Any]:
 
 
 def test_the_whole_bench_is_in_the_picture(site: Site, painter: Painter) -> None:
-    painter.paint(describe(msgspec.convert(twin_snapshot.snapshot(), Snapshot)))
+    painter.paint(describe(msgspec.convert(snapshot.snapshot(), Snapshot)))
     there_is_a_twin_at(painter.port)
 
     pixels = _pixels(site, painter.theme)

@@ -15,8 +15,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from labweb.api.twin_feed import FeedConsumer
-from labweb.api.twin_proxy import POLICY, allowed_frame
+from labweb.api.twin.feed import FeedConsumer
+from labweb.api.twin.proxy import POLICY, allowed_frame
 from labweb.common import feed
 from tests.labweb.api.twin_site import VISER, Site, there_is_a_twin_at
 from twin.server import Painter, Viewer

@@ -9,7 +9,7 @@ from django.core.cache import cache
 from websockets.asyncio.client import connect
 from websockets.typing import Subprotocol
 
-from labweb.api.twin_feed import ALIVE_KEY
+from labweb.api.twin.feed import ALIVE_KEY
 from tests.builders import PASSWORD, Bench
 
 VISER = Subprotocol("viser-v1.1.1")

@@ -10,8 +10,8 @@ from labweb.accounts.models import AuditEntry
 from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.common.clock import now
 from labweb.domain.errors import ForbiddenError, StateError
+from labweb.fleet.management.commands.dispatcher import Watch
 from labweb.runs import services
-from labweb.runs.management.commands.dispatcher import Watch
 from labweb.runs.models import Run
 from tests.builders import HEAT, MOVE_WATER, Bench, a_started_run, a_user, an_edge
 

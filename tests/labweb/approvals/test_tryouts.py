@@ -14,7 +14,8 @@ from labweb.accounts.models import AuditEntry
 from labweb.approvals import selectors, services
 from labweb.approvals.models import Tryout
 from labweb.approvals.services import TryoutWanted, TryoutWish
-from labweb.common import clock, signing
+from labweb.common import clock
+from labweb.common.signatures import signing
 from labweb.crutd.models import Transaction
 from labweb.domain.enrollment.driver_bundle import decode_bundle
 from labweb.domain.errors import (

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from labweb.common.lanes import FullError, Lane, Room, Ticket
+from labweb.common.limits.lanes import FullError, Lane, Room, Ticket
 
 
 async def entered(lane: Lane, *names: str) -> None:

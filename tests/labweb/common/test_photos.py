@@ -6,7 +6,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from labweb.common.photos import write_anew
+from labweb.common.files.photos import write_anew
 
 
 def test_grey_of_sixteen_bits_stays_as_light_as_it_was(tmp_path: Path) -> None:

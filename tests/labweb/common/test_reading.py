@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from django.db import connection
 
-from labweb.common.reading import one_moment
+from labweb.common.database.reading import one_moment
 from labweb.resources.selectors import Lab, labs
 from labweb.resources.services import latch_stop
 from tests.builders import Bench, a_lab

@@ -10,7 +10,7 @@ import pytest
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.crutd import services
 from labweb.crutd.models import Event
 from labweb.domain.errors import EnrollmentError, LabError, StateError

@@ -15,7 +15,7 @@ from django.test import Client
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.device_announcements import MOST_OPEN
 from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenError, StateError
 from labweb.domain.messages.certificates_and_sightings import Sighting

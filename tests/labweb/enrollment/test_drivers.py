@@ -16,7 +16,8 @@ from django.test.utils import CaptureQueriesContext
 from labweb.accounts.models import AuditEntry
 from labweb.approvals import services
 from labweb.approvals.models import ApprovalRequest, Decision
-from labweb.common import clock, signing
+from labweb.common import clock
+from labweb.common.signatures import signing
 from labweb.domain.enrollment.driver_bundle import decode_bundle, digest_of
 from labweb.domain.errors import ConformanceError, ForbiddenError, StateError
 from labweb.domain.messages.devices_and_drivers import DriverApproval, Signed

@@ -10,7 +10,7 @@ from django.test import Client
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device, JoinRequest, JoinToken
 from tests.builders import Bench, an_edge

@@ -16,8 +16,8 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
 from labweb.common.clock import now
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.host_join import (
     AdmittedHost,
     JoinAsk,
@@ -29,6 +29,7 @@ from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenErro
 from labweb.domain.messages.session import Refuse
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
+from labweb.fleet.services import fencing
 from labweb.runs import services as run_services
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched
 from workers.base.signatures import HostKey
@@ -324,7 +325,7 @@ def test_a_machine_with_another_key_takes_its_place_once_the_old_key_is_revoked(
     EdgeHost.objects.filter(pk=edge.host_id).update(machine_id="m")
     key, admin = a_key(), bench.people["admin"]
     request = services.take_request(ask_with(a_token(bench), key, machine_id="m"))
-    run_services.revoke_host(edge.host_id, actor=admin, reason="its disk is gone")
+    fencing.revoke_host(edge.host_id, actor=admin, reason="its disk is gone")
     host = services.admit_request(request.id, typed=typed(key), reason="new disk", actor=admin)
     assert host.pk == edge.host_id
     assert (host.journal_id, host.suspended_at, host.state) == (None, None, "enrolling")
@@ -341,9 +342,9 @@ def test_a_host_with_work_is_revoked_at_once_when_that_is_said(bench: Bench) -> 
     attempt = dispatched(run)
     admin = bench.people["admin"]
     with pytest.raises(StateError) as busy:
-        run_services.revoke_host(edge.host_id, actor=admin, reason="stolen")
+        fencing.revoke_host(edge.host_id, actor=admin, reason="stolen")
     assert (busy.value.code, busy.value.context["jobs_count"]) == ("host.in_flight", 1)
-    run_services.revoke_host(edge.host_id, actor=admin, reason="stolen", with_work=True)
+    fencing.revoke_host(edge.host_id, actor=admin, reason="stolen", with_work=True)
     attempt.job.refresh_from_db()
     assert (attempt.job.state, attempt.job.code) == ("in_doubt", "host.revoked")
     assert not services.is_session_open(edge.host_id, edge.epoch)

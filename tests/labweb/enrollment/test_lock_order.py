@@ -12,7 +12,7 @@ from django.db import connection
 from django.db.transaction import atomic
 from pytest_django import Settings
 
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate
 from labweb.enrollment.services.discovery import hold_candidate

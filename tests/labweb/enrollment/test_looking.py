@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import signing
 from labweb.common.clock import now
+from labweb.common.signatures import signing
 from labweb.crutd.models import Event, Transaction
 from labweb.domain.enrollment.driver_bundle import decode_bundle
 from labweb.domain.errors import ForbiddenError, StateError

@@ -12,7 +12,7 @@ from django.db.models import F
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.announcement_trust import KEY_CHANGED_AFTER_S, LONGEST_GAP_S
 from labweb.domain.enrollment.device_announcements import (
     MAKES_ROOM_AFTER_S,

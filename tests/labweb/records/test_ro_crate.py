@@ -23,7 +23,7 @@ from rocrate_validator.models import Severity  # type: ignore[import-untyped]
 from rocrate_validator.services import validate  # type: ignore[import-untyped]
 from urllib3 import HTTPResponse
 
-from labweb.common import download
+from labweb.common.files import download
 from labweb.crutd.models import Event
 from labweb.crutd.services import event_hash
 from labweb.domain.crutd.provenance.prov_check import check_prov

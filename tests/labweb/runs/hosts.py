@@ -31,6 +31,7 @@ from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.domain.runs.host_journal.paired_actions import partner_of
 from labweb.enrollment import services as enrollment_services
+from labweb.fleet.services import host_events
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
 from tests.builders import Bench, Edge, a_started_run
@@ -174,7 +175,7 @@ class Host:
     def tell(self) -> None:
         """Send what the server has not read."""
         fresh = self.disk.events[self.told :]
-        assert services.ingest_events(self.edge.host_id, self.edge.epoch, fresh) is not None
+        assert host_events.ingest_events(self.edge.host_id, self.edge.epoch, fresh) is not None
         self.told = len(self.disk.events)
 
 

@@ -17,10 +17,10 @@ from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_journal.action_states import Report
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.enrollment.models import Device, EdgeHost
+from labweb.fleet.services import fencing
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Outbox, Run
-from labweb.runs.services import fencing
 from tests.builders import Bench, a_started_run
 from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, states
 from tests.labweb.runs.promises import keeps

@@ -14,14 +14,14 @@ from django.core.management import call_command
 from django.db.models import Q
 from pytest_django import Settings
 
-from labweb.common import authority
+from labweb.common.signatures import authority
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, Holding
 from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.domain.errors import PreconditionError
 from labweb.enrollment.models import Device
+from labweb.fleet.services.device_retirement import retire_device
 from labweb.resources.models import Connection, Resource
-from labweb.runs.services.retiring import retire_device
 from tests.builders import Bench, a_started_run, an_edge, off, to_transfer
 from tests.labweb.crutd.hand import done, node, post, pour
 from tests.labweb.crutd.test_adopting import adopted

@@ -14,12 +14,12 @@ from labweb.domain.runs.host_actions import action_execution, command_acceptance
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.enrollment import services as enrollment_services
+from labweb.fleet.services import fencing
 from labweb.records.services.ledger_rebuild import differences, rebuild
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Run
-from labweb.runs.services import fencing
 from tests.builders import Bench, Edge
 from tests.labweb.crutd.test_verify import tamper
 from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, last_run, states

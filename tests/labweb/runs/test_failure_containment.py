@@ -13,8 +13,8 @@ from django.db.utils import OperationalError
 
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Ticket
+from labweb.fleet.management.commands.dispatcher import Duties
 from labweb.runs import services
-from labweb.runs.management.commands.dispatcher import Duties
 from labweb.runs.models import Job, Outbox, Run
 from tests.builders import Bench, a_started_run, an_edge, dispatched, next_job
 

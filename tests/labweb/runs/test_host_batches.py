@@ -11,6 +11,7 @@ from labweb.domain.errors import StateError
 from labweb.domain.runs.host_actions import host_state
 from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment import services as enrollment_services
+from labweb.fleet.services import fencing
 from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Outbox, Run
@@ -149,9 +150,9 @@ def test_an_answer_that_the_record_contradicts_is_refused_and_the_doubt_stays(
     host.tell()
     bench.host.__class__.objects.filter(pk=bench.host.pk).update(state="isolated")
     admin = bench.people["admin"]
-    services.fence_host(bench.host.id, actor=admin, reason="the machine burnt")
+    fencing.fence_host(bench.host.id, actor=admin, reason="the machine burnt")
     other = a_user("admin", on=bench.node("lab"), name="other")
-    services.fence_host(bench.host.id, actor=other, reason="I saw it too")
+    fencing.fence_host(bench.host.id, actor=other, reason="I saw it too")
 
     def answer(job: Job, told: str) -> None:
         services.resolve_job(job.id, actor=admin, answer=told, moved_nl=None, note="I looked")
@@ -176,10 +177,10 @@ def test_a_fence_of_two_puts_every_member_in_doubt_and_people_answer_for_them(
     host.tell()
     bench.host.__class__.objects.filter(pk=bench.host.pk).update(state="isolated")
     admin = bench.people["admin"]
-    services.fence_host(bench.host.id, actor=admin, reason="the machine burnt")
+    fencing.fence_host(bench.host.id, actor=admin, reason="the machine burnt")
     assert set(states(run)) == {"accepted"}
     other = a_user("admin", on=bench.node("lab"), name="other")
-    services.fence_host(bench.host.id, actor=other, reason="I saw it too")
+    fencing.fence_host(bench.host.id, actor=other, reason="I saw it too")
     assert set(states(run)) == {"in_doubt"}
     for job in run.jobs.order_by("index"):
         services.resolve_job(

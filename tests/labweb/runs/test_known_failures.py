@@ -14,6 +14,7 @@ from labweb.domain.runs.host_actions.action_execution import HostScene, Started
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.enrollment import services as enrollment_services
+from labweb.fleet.services import host_absence
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
 from tests.builders import Bench, a_started_run
@@ -48,14 +49,14 @@ def test_a_job_that_finishes_while_the_wan_is_down_reports_after_reconnect_and_f
     assert host.step(), "it acts with the WAN down"
     enrollment_services.watch_hosts({host.edge.host_id: 40.0})
     assert bench.host.state == "isolated"
-    services.isolate_hosts()
+    host_absence.isolate_hosts()
     assert states(run)[0] == "accepted", "what was dispatched is left alone"
     assert live_locks()
     host.reconnect()
     host.tell()
     assert states(run)[0] == "complete"
     assert not live_locks()
-    services.isolate_hosts()
+    host_absence.isolate_hosts()
     worked_off(run, host)
     assert Run.objects.get(pk=run.pk).state == "complete"
 

@@ -28,6 +28,7 @@ from labweb.domain.messages.commands import Command
 from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.runs.dispatch import command_outbox
 from labweb.enrollment import services as enrollment_services
+from labweb.fleet.services import host_events
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
 from labweb.telemetry import selectors as telemetry_selectors
@@ -171,7 +172,7 @@ def test_a_spectrum_comes_from_the_wire_to_the_record_of_its_sample(
     assert done.returncode == 0, done.stderr
 
     events = journal.events_after(0)
-    assert services.ingest_events(edge.host_id, edge.epoch, events) is not None
+    assert host_events.ingest_events(edge.host_id, edge.epoch, events) is not None
     job = Job.objects.get(run=run)
     assert (job.state, job.message) == ("complete", "")
     named = job.evidence["report"]["files"]

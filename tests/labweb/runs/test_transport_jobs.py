@@ -16,6 +16,7 @@ from labweb.domain.resources.resource_kinds import KINDS
 from labweb.domain.runs.host_journal.action_states import Report
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
+from labweb.fleet.services import host_absence
 from labweb.resources.models import Connection, Resource
 from labweb.runs import services
 from labweb.runs.models import Custody, Outbox, Run
@@ -256,7 +257,7 @@ def test_a_host_that_is_lost_in_between_closes_the_rack(
     assert edge.send(edge.event("boot", None)) is None, "a gap"
     assert bench.node("rack").quarantined_by is not None
     assert Ticket.objects.filter(code="custody.conflict").count() == 1
-    services.isolate_hosts()
+    host_absence.isolate_hosts()
     services.dispatch_ready()
     assert run.jobs.get().attempts.count() == 0
     assert states(run)[0] in {"held", "suspended"}
@@ -293,7 +294,7 @@ def test_a_job_whose_place_is_of_a_host_that_is_away_waits(
 ) -> None:
     run = a_run(bench, CARRY)
     EdgeHost.objects.filter(key="bench 9").update(state="isolated")
-    services.isolate_hosts()
+    host_absence.isolate_hosts()
     assert states(run) == ["suspended"]
     assert services.dispatch_ready() == 0
     assert not Custody.objects.exists()

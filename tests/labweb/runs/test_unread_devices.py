@@ -14,8 +14,8 @@ from labweb.common.clock import now
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_journal.action_states import ActionState, Report
 from labweb.enrollment.models import EdgeHost
+from labweb.fleet.management.commands.dispatcher import Watch
 from labweb.runs import services
-from labweb.runs.management.commands.dispatcher import Watch
 from labweb.runs.models import Job, Run
 from labweb.runs.selectors import lab_summary
 from labweb.telemetry.models import Sample

@@ -12,7 +12,7 @@ from django.db.transaction import atomic
 
 from labweb.common import wake
 from labweb.common.wake import Listener, wake_dispatcher
-from labweb.runs.management.commands import dispatcher
+from labweb.fleet.management.commands import dispatcher
 from labweb.runs.models import Attempt, Outbox
 from tests.builders import a_lab, a_started_run, an_edge, dispatched
 

@@ -17,13 +17,13 @@ from django.test import Client
 from labweb.api import door, routing
 from labweb.api.live import BrowserConsumer, NoSuchConsumer
 from labweb.api.paces import TERMS
-from labweb.api.twin_feed import FeedConsumer
+from labweb.api.twin.feed import FeedConsumer
 from labweb.common import sockets
-from labweb.common.buckets import Buckets, Rate
-from labweb.common.lanes import on_lane
+from labweb.common.limits.lanes import on_lane
+from labweb.common.limits.rates import Buckets, Rate
 from labweb.common.sockets import CLOSE_TOO_FAST, BoundedConsumer
 from labweb.enrollment.live import JoinConsumer
-from labweb.runs.live import EdgeConsumer
+from labweb.fleet.live import EdgeConsumer
 from tests.builders import Bench, Edge, a_lab
 from tests.labweb.sockets import Socket, a_socket
 from tests.labweb.web import signed_in

@@ -18,8 +18,8 @@ from django.test import Client
 
 from labweb.accounts import services as account_services
 from labweb.accounts.models import AuditEntry, KeptAnswer
-from labweb.common import sessions
 from labweb.common.clock import now
+from labweb.common.database import sessions
 from labweb.enrollment.models import JoinToken
 from labweb.runs import services
 from labweb.runs.models import Run

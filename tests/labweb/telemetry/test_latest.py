@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from labweb.common.prepared import together
+from labweb.common.database.prepared_queries import together
 from labweb.telemetry import selectors
 from labweb.telemetry.models import Sample
 from tests.builders import Bench

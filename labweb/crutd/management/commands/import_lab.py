@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.common.bulk import without_collector
+from labweb.common.database.bulk import without_collector
 from labweb.crutd.services import check_time_zone, import_lab
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.graph.lab_file.binding_file import read_binding

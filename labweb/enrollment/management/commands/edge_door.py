@@ -13,8 +13,8 @@ import uvicorn
 from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError, CommandParser
 
-from labweb.common import authority
 from labweb.common.clock import now
+from labweb.common.signatures import authority
 from labweb.domain.enrollment.host_join import CERTIFICATE_S
 from labweb.domain.errors import LabError
 

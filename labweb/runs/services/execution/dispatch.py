@@ -15,9 +15,10 @@ from django.db import Error as DatabaseProblem
 from django.db.transaction import atomic, on_commit
 
 from labweb.calibration import selectors as calibration_selectors
-from labweb.common import faults, queue, signing
+from labweb.common import faults, queue
 from labweb.common.clock import new_id, now, tick
-from labweb.common.prepared import Question, together, update_row
+from labweb.common.database.prepared_queries import Question, together, update_row
+from labweb.common.signatures import signing
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.calibration.correction import Correction
@@ -48,7 +49,7 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
-from labweb.runs.services.drivers import switch_before
+from labweb.runs.services.driver_switches import switch_before
 from labweb.runs.services.execution import run_holds
 from labweb.runs.services.execution.failure_containment import doubt_command
 from labweb.runs.services.execution.job_states import (

@@ -10,7 +10,7 @@ import msgspec
 from django.db.transaction import atomic
 
 from labweb.common.clock import new_id, now
-from labweb.common.prepared import together
+from labweb.common.database.prepared_queries import together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
@@ -26,7 +26,7 @@ from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
-from labweb.runs.services.drivers import switch_before
+from labweb.runs.services.driver_switches import switch_before
 from labweb.runs.services.execution import dispatch, run_holds
 from labweb.runs.services.execution.job_states import (
     check_not_halting,

@@ -13,7 +13,7 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import happened_at, now, told
-from labweb.common.prepared import Question, together, updating
+from labweb.common.database.prepared_queries import Question, together, updating
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.runs.dispatch.job_scheduler import run_state, state_after_dispatch

@@ -11,7 +11,7 @@ from uuid import UUID
 
 from django.db.transaction import atomic
 
-from labweb.common.prepared import together
+from labweb.common.database.prepared_queries import together
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferResource

@@ -11,7 +11,7 @@ import msgspec
 
 from labweb.calibration import selectors as calibration_selectors
 from labweb.common.clock import now
-from labweb.common.prepared import Question, together
+from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors.condition_facts import lab_facts
 from labweb.domain.crutd.settlement import ResourceState

@@ -10,7 +10,7 @@ import msgspec
 from django.db.transaction import on_commit
 
 from labweb.accounts.selectors import User
-from labweb.common.prepared import together
+from labweb.common.database.prepared_queries import together
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError

@@ -19,7 +19,7 @@ from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common import disk
 from labweb.common.clock import now
-from labweb.common.prepared import Question, inserting, together
+from labweb.common.database.prepared_queries import Question, inserting, together
 from labweb.common.wake import waking
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import reservations

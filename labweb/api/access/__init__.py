@@ -1,0 +1,1 @@
+"""Who calls: sessions, access tokens, and how often a password may be tried."""

@@ -1,0 +1,1 @@
+"""Queries and sessions: what is asked of PostgreSQL often, together or in bulk."""

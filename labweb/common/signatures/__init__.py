@@ -1,0 +1,1 @@
+"""Keys, certificates, times that an authority confirms, and signed heads of chains."""

@@ -1,0 +1,1 @@
+"""What hosts, devices, drivers and tries answer with."""

@@ -1,0 +1,1 @@
+"""REST of hosts, devices, drivers and tries of drivers."""

@@ -1,0 +1,1 @@
+"""Writes about hosts and what they serve."""
