@@ -159,7 +159,7 @@ class OneFile(Endpoint):
 class FileContent(Endpoint):
     """The bytes of a file."""
 
-    answer_type = "application/octet-stream"
+    answer_type = "*/*"
 
     def get(self, request: Request, file_id: UUID) -> StreamingHttpResponse:
         """Return the bytes as they were kept, with their checksum in `Repr-Digest`."""
