@@ -167,7 +167,7 @@ def _answers(responses: Mapping[str, Any]) -> dict[int, str]:
         if status.startswith("2"):
             content = response.get("content", {})
             schema = content.get("application/json", {}).get("schema", {})
-            schema = schema.get("oneOf", [schema])[0]
+            schema = schema.get("anyOf", [schema])[0]
             is_file = bool(content) and "$ref" not in schema
             found[int(status)] = "bytes" if is_file else _type_of(schema) if schema else "None"
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from http import HTTPStatus
 from typing import Any, ClassVar
@@ -130,6 +130,9 @@ class Endpoint(APIView):
 
     answers: ClassVar[Mapping[str, Mapping[int, type[ApiAnswer]]]] = {}
     """Method → status → answer, of a method that has several and returns responses itself."""
+
+    refusals: ClassVar[Mapping[str, Collection[int]]] = {}
+    """Method, in small letters → statuses above 399 that no other method of its kind has."""
 
     documents: ClassVar[Mapping[str, str]] = {}
     """Parameter of the address → the value with which GET answers with a document in a format of

@@ -11,6 +11,7 @@ from django.core.exceptions import PermissionDenied
 from django.db import InterfaceError, OperationalError
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.views import defaults
+from django.views.decorators.csrf import csrf_exempt
 from kombu.exceptions import OperationalError as BrokerError
 from redis.exceptions import ConnectionError as RedisAway
 from redis.exceptions import TimeoutError as RedisSilent
@@ -90,8 +91,12 @@ def _audit_refusal(error: Exception, request: Request | None) -> None:
         logger.warning("a refusal at %s could not be written down", request.path)
 
 
+@csrf_exempt
 def no_such(request: HttpRequest) -> JsonResponse:
-    """Answer for an address below `/api/` that is none, or whose id is none."""
+    """Answer for an address below `/api/` that is none, or whose id is none.
+
+    To whatever is sent there: it does nothing, so that nobody's token is asked for first.
+    """
     body = _body("http.not_found", f"there is nothing at {request.path[:_LONGEST_SHOWN]}")
     return JsonResponse(body, status=404)
 

@@ -12,21 +12,9 @@ from drf_spectacular.plumbing import ResolvedComponent
 from drf_spectacular.utils import OpenApiParameter
 
 from labweb.accounts.api import HEADER, acts
+from labweb.api.answers.refusals import REASONS, Refusal
+from labweb.api.access.token_sign_in import TokenAuthentication
 from labweb.common.answers import answers_of
-
-REFUSAL: dict[str, Any] = {
-    "type": "object",
-    "description": "Why the request was refused; nothing changed.",
-    "required": ["code", "message", "effect", "context", "findings"],
-    "properties": {
-        "code": {"type": "string"},
-        "message": {"type": "string"},
-        "effect": {"type": "string", "enum": ["none", "partial", "unknown"]},
-        "context": {"type": "object", "additionalProperties": True},
-        "findings": {"type": "array", "items": {"type": "object", "additionalProperties": True}},
-    },
-}
-"""Shape of every answer above 399."""
 
 
 class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call] # the library registers it
@@ -42,6 +30,30 @@ class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-ca
 
 
 _component: Any = partial(ResolvedComponent, type=ResolvedComponent.SCHEMA)
+_response: Any = partial(ResolvedComponent, type=ResolvedComponent.RESPONSE)
+
+_BYTES = {"type": "string", "format": "binary"}
+_DOCUMENT = {"type": "object", "additionalProperties": True}
+_FILES = {"application/json": {"title": "File", **_DOCUMENT}}
+"""Media type of a file → its schema, where it is no bytes."""
+
+_OF_EVERY = frozenset({400, 403, 404, 406, 429, 500, 503})
+_OF_ACTS = frozenset({409, 412, 423})
+_OF_BODIES = frozenset({413, 415, 422})
+
+
+def refusals_of(view: Any, method: str) -> list[int]:  # noqa: ANN401 - any view of the library
+    """Return with which statuses a method refuses: what its kind may, and what its view adds."""
+    found = set(_OF_EVERY)
+    if TokenAuthentication in view.authentication_classes:
+        found.add(401)
+    if method != "get":
+        found |= _OF_ACTS
+    if method in getattr(view, "bodies", {}) or method in getattr(view, "forms", {}):
+        found |= _OF_BODIES
+    if method == "get" and getattr(view, "queries", {}):
+        found.add(422)
+    return sorted(found | set(getattr(view, "refusals", {}).get(method, ())))
 
 
 class LabSchema(AutoSchema):
@@ -127,9 +139,9 @@ class LabSchema(AutoSchema):
         Raises:
             TypeError: The method does not say it.
         """
-        kind = getattr(self.view, "answer_type", None) if self.method == "GET" else None
-        if kind is not None:
-            return {200: {kind: {"schema": {"type": "string", "format": "binary"}}}}
+        kinds = _file_types(self.view) if self.method == "GET" else ()
+        if kinds:
+            return {200: {kind: {"schema": _FILES.get(kind, _BYTES)} for kind in kinds}}
         found = answers_of(type(self.view), self.method.lower())
         if not found:
             raise TypeError(f"{self.method} of {type(self.view).__name__} says no answer")
@@ -137,8 +149,7 @@ class LabSchema(AutoSchema):
             status: None if one is None else self._shape(one) for status, one in found.items()
         }
         if self._documents():
-            document = {"type": "object", "additionalProperties": True}
-            shapes = {status: {"oneOf": [shape, document]} for status, shape in shapes.items()}
+            shapes = {status: {"anyOf": [shape, _DOCUMENT]} for status, shape in shapes.items()}
         return {
             status: {} if shape is None else {"application/json": {"schema": shape}}
             for status, shape in shapes.items()
@@ -154,10 +165,29 @@ class LabSchema(AutoSchema):
 
     def _get_response_bodies(self, direction: str = "response") -> dict[str, Any]:
         del direction
-        refusal = {"content": {"application/json": {"schema": REFUSAL}}, "description": "Refused"}
         answers = {
             str(int(status)): {"description": "The answer"}
             | ({"content": content} if content else {})
             for status, content in self._answers().items()
         }
-        return answers | {"4XX": refusal}
+        return answers | {
+            str(status): self._refused(status)
+            for status in refusals_of(type(self.view), self.method.lower())
+        }
+
+    def _refused(self, status: int) -> dict[str, Any]:
+        """Return a reference to the answer of a status above 399, which is there."""
+        content = {"application/json": {"schema": self._shape(Refusal)}}
+        component = _response(
+            f"Refused{status}",
+            schema={"description": REASONS[status], "content": content},
+            object=f"Refused{status}",
+        )
+        self.registry.register_on_missing(component)
+        return {"$ref": f"#/components/responses/Refused{status}"}
+
+
+def _file_types(view: Any) -> tuple[str, ...]:  # noqa: ANN401 - any view of the library
+    """Return the media types of the file that a view answers GET with; none: it is no file."""
+    kind: str | None = getattr(view, "answer_type", None)
+    return () if kind is None else (kind, *getattr(view, "more_types", ()))

@@ -102,6 +102,7 @@ class Export(Endpoint):
     """What a device told, as a file."""
 
     answer_type = "text/csv"
+    more_types = (services.PARQUET,)
 
     queries: ClassVar[Mapping[str, Parameter]] = {
         **_RANGE,

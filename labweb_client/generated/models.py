@@ -1405,6 +1405,24 @@ class Reference(Struct):
     due_on: str
 
 
+class Refusal(Struct):
+    """
+    Why a request was refused, and what it may have done.
+    """
+
+    code: str
+    message: str
+    effect: Annotated[
+        Literal["none", "partial", "unknown"],
+        Meta(
+            description="What the failed operation may have done to the physical lab.",
+            title="Effect",
+        ),
+    ]
+    context: dict[str, Any]
+    findings: list[Finding]
+
+
 class ReservationRow(Struct):
     """
     Exclusive use of a resource in the near future; the time ends it.

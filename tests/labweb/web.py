@@ -13,7 +13,10 @@ from django.http import HttpResponse, StreamingHttpResponse
 from django.test import Client
 from django.urls import URLPattern, URLResolver, get_resolver
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
+from labweb.api.answers.refusals import Refusal
+from labweb.api.schema import refusals_of
 from labweb.common.answers import answers_of
 from labweb.common.database import sessions
 from tests.builders import Bench
@@ -43,7 +46,12 @@ def check_answer(method: str, answer: Any) -> None:  # noqa: ANN401 - Django's s
     view = getattr(getattr(answer, "resolver_match", None), "func", None)
     kind = getattr(view, "cls", None)
     is_json = answer.headers.get("Content-Type", "").startswith("application/json")
-    if kind is None or answer.status_code >= BAD_REQUEST or answer.streaming or not is_json:
+    if kind is None or not is_json:
+        return
+    if answer.status_code >= BAD_REQUEST:
+        check_refusal(method.lower(), kind, answer)
+        return
+    if answer.streaming:
         return
     told = answers_of(kind, method.lower())
     asked = dict(answer.wsgi_request.GET.items())
@@ -56,6 +64,14 @@ def check_answer(method: str, answer: Any) -> None:  # noqa: ANN401 - Django's s
     shape = told.get(answer.status_code)
     assert shape is not None, f"{method} {kind.__name__} answered {answer.status_code}, not {told}"
     msgspec.json.decode(answer.content, type=shape)
+
+
+def check_refusal(method: str, kind: Any, answer: Any) -> None:  # noqa: ANN401 - Django's shape
+    """Fail where a refusal has a status that the schema does not name, or another shape."""
+    if not issubclass(kind, Endpoint) or not hasattr(kind, method):
+        return
+    assert answer.status_code in refusals_of(kind, method), f"{method} {kind}: {answer.content!r}"
+    msgspec.json.decode(answer.content, type=Refusal, strict=True)
 
 
 def signed_in(user: User | None) -> Client:

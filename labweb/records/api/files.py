@@ -159,7 +159,8 @@ class OneFile(Endpoint):
 class FileContent(Endpoint):
     """The bytes of a file."""
 
-    answer_type = "application/octet-stream"
+    answer_type = "*/*"
+    refusals: ClassVar = {"get": {409}}  # the bytes are not those that were kept
 
     def get(self, request: Request, file_id: UUID) -> StreamingHttpResponse:
         """Return the bytes as they were kept, with their checksum in `Repr-Digest`."""
@@ -178,6 +179,7 @@ class FileContent(Endpoint):
 class ReadingPoints(Endpoint):
     """The points of a series, for a plot."""
 
+    refusals: ClassVar = {"get": {409}}  # as of the file
     queries: ClassVar[Mapping[str, Parameter]] = {
         "points": Parameter(
             {"type": "integer", "minimum": 2, "maximum": _MOST_POINTS}, "How many at most."

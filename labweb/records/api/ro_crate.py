@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
 from uuid import UUID
 
 from django.http import StreamingHttpResponse
@@ -21,6 +22,7 @@ class RunCrate(Endpoint):
     """A run with all that belongs to it, in one file."""
 
     answer_type = "application/zip"
+    refusals: ClassVar = {"get": {409, 422}}  # a file of the run is damaged, or missing
 
     def get(self, request: Request, run_id: UUID) -> StreamingHttpResponse:
         """Return a ZIP file: workflow version, plan, events, telemetry, readings, provenance."""
@@ -34,6 +36,7 @@ class RunEln(Endpoint):
     """A run for an electronic lab notebook."""
 
     answer_type = MEDIA_TYPE
+    refusals: ClassVar = {"get": {409, 422}}  # as of the crate
 
     def get(self, request: Request, run_id: UUID) -> StreamingHttpResponse:
         """Return an .eln file: the crate of the run as one experiment."""

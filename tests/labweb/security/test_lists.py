@@ -32,7 +32,8 @@ from labweb.runs.models import HostEvent, Run
 from labweb.telemetry.models import File, Incoming, Reading
 from labweb.workflows.models import Workflow, WorkflowVersion
 from tests.builders import Bench
-from tests.labweb.security.test_matrix import API, name_of
+from tests.labweb.security.rest_table import API
+from tests.labweb.security.test_matrix import name_of
 from tests.labweb.security.things import a_machine_that_asks, one_of_each
 from tests.labweb.web import call, code_of, read, routes, signed_in
 

@@ -17,8 +17,9 @@ from pytest_django import Settings
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS
 from tests.builders import Bench
+from tests.labweb.security.rest_table import API, Form
 from tests.labweb.security.test_lists import VIEWS
-from tests.labweb.security.test_matrix import API, Form, prepare
+from tests.labweb.security.test_matrix import prepare
 from tests.labweb.security.things import one_of_each
 from tests.labweb.web import call, signed_in
 

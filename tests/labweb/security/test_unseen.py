@@ -35,7 +35,8 @@ from labweb.workflows.models import Workflow
 from tests.builders import Bench, a_started_run, a_user
 from tests.labweb.instrument_files import TRACE
 from tests.labweb.photos import a_photo
-from tests.labweb.security.test_matrix import API, MEMBERS, Form, prepare
+from tests.labweb.security.rest_table import API, MEMBERS, Form
+from tests.labweb.security.test_matrix import prepare
 from tests.labweb.security.things import one_of_each
 from tests.labweb.web import call, signed_in
 

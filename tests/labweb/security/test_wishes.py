@@ -27,7 +27,8 @@ from labweb.accounts.models import KeptAnswer
 from tests.builders import Bench
 from tests.labweb.instrument_files import TRACE
 from tests.labweb.photos import a_photo
-from tests.labweb.security.test_matrix import API, Form, name_of, prepare
+from tests.labweb.security.rest_table import API, Form
+from tests.labweb.security.test_matrix import name_of, prepare
 from tests.labweb.security.things import one_of_each
 from tests.labweb.web import KEY, call, code_of, routes, signed_in
 
