@@ -25,7 +25,7 @@ export interface Refusal {
   findings: Finding[];
 }
 
-export type Mode = Answers["Mode"];
+export type Mode = Answers["LabMode"];
 
 export type User = Answers["SignedInUser"];
 
