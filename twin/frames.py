@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from twin.state import Resource
+from twin.state import TwinResource
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -61,7 +61,9 @@ def rotate(wxyz: Quaternion, point: Vector) -> Vector:
     return px, py, pz
 
 
-def frames_of(resources: Mapping[str, Resource]) -> tuple[dict[str, Frame], dict[str, Resource]]:
+def frames_of(
+    resources: Mapping[str, TwinResource],
+) -> tuple[dict[str, Frame], dict[str, TwinResource]]:
     """Place every resource whose way to the room is known.
 
     Returns:
@@ -69,7 +71,7 @@ def frames_of(resources: Mapping[str, Resource]) -> tuple[dict[str, Frame], dict
         stands on a parked one is in neither; `ride` places it once the parking has a place.
     """
     placed: dict[str, Frame] = {}
-    parked: dict[str, Resource] = {}
+    parked: dict[str, TwinResource] = {}
     for row in _parents_first(resources):
         above = Frame() if row.parent_id is None else placed.get(row.parent_id)
         if row.pose is None:
@@ -83,7 +85,7 @@ def frames_of(resources: Mapping[str, Resource]) -> tuple[dict[str, Frame], dict
     return placed, parked
 
 
-def ride(resources: Mapping[str, Resource], placed: dict[str, Frame]) -> None:
+def ride(resources: Mapping[str, TwinResource], placed: dict[str, Frame]) -> None:
     """Place what stands, with a known pose, on something that was parked."""
     for row in _parents_first(resources):
         above = placed.get(row.parent_id or "")
@@ -92,12 +94,12 @@ def ride(resources: Mapping[str, Resource], placed: dict[str, Frame]) -> None:
             placed[row.id] = above.then((pose.x_mm, pose.y_mm, pose.z_mm), pose.rotation_wxyz)
 
 
-def _parents_first(resources: Mapping[str, Resource]) -> list[Resource]:
+def _parents_first(resources: Mapping[str, TwinResource]) -> list[TwinResource]:
     """Order the tree from the root down; a parent that is missing counts as none."""
     depths: dict[str, int] = {}
 
-    def depth(row: Resource) -> int:
-        chain: list[Resource] = []
+    def depth(row: TwinResource) -> int:
+        chain: list[TwinResource] = []
         while row.id not in depths:
             chain.append(row)
             parent = resources.get(row.parent_id or "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from twin.state import Device, Job, Resource, Snapshot
+from twin.state import Snapshot, TwinDevice, TwinJob, TwinResource
 
 AT_WORK = frozenset({"dispatched", "accepted", "running", "completing"})
 """States of a job during which its device may be moving."""
@@ -12,9 +12,9 @@ AT_WORK = frozenset({"dispatched", "accepted", "running", "completing"})
 PLUNGER_STATUS = "volume_ul"
 
 
-def jobs_by_device(snapshot: Snapshot) -> dict[str, Job]:
+def jobs_by_device(snapshot: Snapshot) -> dict[str, TwinJob]:
     """Return the job of each device; one in doubt before one at work."""
-    found: dict[str, Job] = {}
+    found: dict[str, TwinJob] = {}
     for job in snapshot.jobs.values():
         if job.device_id not in found or job.state == "in_doubt":
             found[job.device_id] = job
@@ -54,7 +54,9 @@ def volumes_ul(snapshot: Snapshot) -> dict[str, float]:
     return volumes
 
 
-def _pump_of(device: Device | None, resources: Mapping[str, Resource]) -> Resource | None:
+def _pump_of(
+    device: TwinDevice | None, resources: Mapping[str, TwinResource]
+) -> TwinResource | None:
     if device is None:
         return None
     rows = (resources.get(node) for node in device.nodes.values())

@@ -22,7 +22,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 
 from twin.frames import ABSTRACT, STILL, Frame, Quaternion, Vector, frames_of
 from twin.sizes import size_of
-from twin.state import LabView, Resource, Snapshot
+from twin.state import Snapshot, TwinLabView, TwinResource
 from twin.sync import FeedClient, read_config
 
 ROOM = "room"
@@ -121,7 +121,7 @@ def _told_by_node(snapshot: Snapshot) -> dict[str, dict[str, Any]]:
 
 
 def _moving_part(
-    root: Element, row: Resource, name: str, told: Mapping[str, Any]
+    root: Element, row: TwinResource, name: str, told: Mapping[str, Any]
 ) -> tuple[Placed, dict[str, float]] | None:
     """Draw what moves in an instrument; where it stands is unknown until the device tells."""
     width, depth, height = size_of(row)
@@ -202,7 +202,7 @@ def follow(config: Path, hear: Callable[[Robot | None], None], *, every_s: float
         DefinitionError: The twin's configuration cannot be read.
     """
     settings, token = read_config(config)
-    view = LabView()
+    view = TwinLabView()
     client = FeedClient(settings, token, view, None)
 
     async def tell() -> None:

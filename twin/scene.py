@@ -15,7 +15,7 @@ from twin.meshes import Form, Mesh
 from twin.palette import Role
 from twin.parking import Tray, park
 from twin.sizes import size_of
-from twin.state import Device, Resource, Snapshot
+from twin.state import Snapshot, TwinDevice, TwinResource
 
 State = Literal["idle", "running", "in_doubt", "offline"]
 
@@ -53,7 +53,7 @@ class Thing:
 
 
 @dataclass(frozen=True)
-class Tube:
+class DrawnTube:
     """One tube as points in the room, mm."""
 
     key: str
@@ -74,7 +74,7 @@ class Scene:
     """Everything there is to see."""
 
     things: dict[str, Thing] = field(default_factory=dict)
-    tubes: dict[str, Tube] = field(default_factory=dict)
+    tubes: dict[str, DrawnTube] = field(default_factory=dict)
     captions: dict[str, Caption] = field(default_factory=dict)
     low_mm: Vector = (-300.0, -200.0, 0.0)
     high_mm: Vector = (300.0, 200.0, 200.0)
@@ -109,7 +109,7 @@ class _Describer:
         low, high = self._bounds(self.frames)
         return Scene(named, tubes, self._captions(), low, high)
 
-    def _has_place(self, row: Resource) -> bool:
+    def _has_place(self, row: TwinResource) -> bool:
         """Tell whether an unplaced resource is worth a place on the tray: it is a body."""
         if row.kind in FOLDED:
             return False
@@ -176,7 +176,7 @@ class _Describer:
                 found[key] = "in_doubt"
         return found
 
-    def _foot_of(self, device: Device) -> str | None:
+    def _foot_of(self, device: TwinDevice) -> str | None:
         """Return the lowest of a device's resources; the ring lies around it once."""
         nodes = sorted({n for n in device.nodes.values() if n in self.frames and n in self.forms})
         return min(nodes, key=lambda node: self.frames[node].position_mm[2], default=None)
@@ -206,7 +206,7 @@ class _Describer:
             height_mm=form.size_mm[2],
         )
 
-    def _tubes(self) -> dict[str, Tube]:
+    def _tubes(self) -> dict[str, DrawnTube]:
         ports: dict[str, list[str]] = {}
         rows = list(self.snapshot.connections.values())
         liquid = [row for row in rows if row.medium == "liquid"]
@@ -230,10 +230,10 @@ class _Describer:
                 )
                 ends.append((self.frames[node.id], mouth))
             if len(ends) == 2:
-                found[row.key] = Tube(row.key, tubing.route(ends[0], ends[1], lane))
+                found[row.key] = DrawnTube(row.key, tubing.route(ends[0], ends[1], lane))
         return found
 
-    def _probes(self) -> Iterator[tuple[Thing, Tube]]:
+    def _probes(self) -> Iterator[tuple[Thing, DrawnTube]]:
         """Stand the probe of each transmitter in the vessel it is connected to."""
         for row in self.snapshot.connections.values():
             ends = [self.rows.get(end.resource_id) for end in (row.source, row.target)]
@@ -251,7 +251,7 @@ class _Describer:
             socket = tubing.mouth(self.forms[meter.id], "", common_port="", number=0, count=1)
             surface = Surface("probe", Role.DARK, meshes.probe(tip, length))
             cable = tubing.route((self.frames[meter.id], socket), (frame, head), 0)
-            yield Thing(row.key, frame, (surface,), title=meter.name), Tube(row.key, cable)
+            yield Thing(row.key, frame, (surface,), title=meter.name), DrawnTube(row.key, cable)
 
     def _captions(self) -> dict[str, Caption]:
         found = {}
@@ -277,9 +277,9 @@ class _Describer:
         return found
 
 
-def _in_service(resources: Mapping[str, Resource]) -> dict[str, Resource]:
+def _in_service(resources: Mapping[str, TwinResource]) -> dict[str, TwinResource]:
     """Leave out what was archived, with everything in it."""
-    kept: dict[str, Resource] = {}
+    kept: dict[str, TwinResource] = {}
     gone: set[str] = {key for key, row in resources.items() if row.is_archived}
     for key, row in resources.items():
         chain, above = [key], row.parent_id
@@ -291,7 +291,7 @@ def _in_service(resources: Mapping[str, Resource]) -> dict[str, Resource]:
     return kept
 
 
-def _form(row: Resource, cells: int, tops: list[tuple[float, float]]) -> Form:
+def _form(row: TwinResource, cells: int, tops: list[tuple[float, float]]) -> Form:
     top = None
     if tops and row.kind in {"heater_stirrer", "heater", "stirrer", "balance"}:
         top = (sum(x for x, _ in tops) / len(tops), sum(y for _, y in tops) / len(tops))
@@ -305,7 +305,7 @@ def _form(row: Resource, cells: int, tops: list[tuple[float, float]]) -> Form:
     )
 
 
-def _device_state(device: Device, job_state: str) -> State:
+def _device_state(device: TwinDevice, job_state: str) -> State:
     if job_state == "in_doubt":
         return "in_doubt"
     if device.link in {"offline", "quarantined"}:
@@ -318,11 +318,11 @@ def _ring(form: Form, state: State) -> Surface:
     return Surface("ring", role, meshes.state_ring(form, is_dashed=state != "running"))
 
 
-def _lots(row: Resource) -> tuple[tuple[int, float], ...]:
+def _lots(row: TwinResource) -> tuple[tuple[int, float], ...]:
     return tuple(sorted((int(lot), float(amount)) for lot, amount in row.contents_nl.items()))
 
 
-def _title(row: Resource, volume_ul: float, state: State) -> str:
+def _title(row: TwinResource, volume_ul: float, state: State) -> str:
     words = [row.name]
     if row.capacity_ul:
         words.append(f"{volume_ul / 1000.0:.2f} mL of {row.capacity_ul / 1000.0:g} mL")

@@ -21,8 +21,8 @@ from labweb.domain.errors import LabError
 from twin import camera, palette
 from twin.frames import Vector
 from twin.palette import Role, Theme
-from twin.scene import Caption, Scene, Surface, Thing, Tube, describe
-from twin.state import LabView
+from twin.scene import Caption, DrawnTube, Scene, Surface, Thing, describe
+from twin.state import TwinLabView
 from twin.sync import STALE_AFTER_S, FeedClient, read_config
 
 logger = logging.getLogger(__name__)
@@ -225,12 +225,17 @@ class Painter:
             if self._drawn.tubes.get(key) != tube:
                 self._paint_tube(tube)
 
-    def _paint_tube(self, tube: Tube) -> None:
+    def _paint_tube(self, tube: DrawnTube) -> None:
         name = _name(tube.key, "tube")
         self._nodes[name] = self._spline(self._server, name, tube, _TUBE_M, Role.TUBE)
 
     def _spline(
-        self, owner: Viewer | viser.ClientHandle, name: str, tube: Tube, thick_m: float, role: Role
+        self,
+        owner: Viewer | viser.ClientHandle,
+        name: str,
+        tube: DrawnTube,
+        thick_m: float,
+        role: Role,
     ) -> Any:  # noqa: ANN401 - a handle of viser
         return owner.scene.add_spline_catmull_rom(
             name,
@@ -295,7 +300,7 @@ class Twin:
     def __init__(self, config_path: Path) -> None:
         """Read the configuration and start one viewer for each theme."""
         config, token = read_config(config_path)
-        self._view = LabView()
+        self._view = TwinLabView()
         self._painters = {theme: Painter(theme) for theme in palette.THEMES}
         self._feed = FeedClient(config, token, self._view, self._alive)
 

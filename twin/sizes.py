@@ -6,7 +6,7 @@ import math
 
 from labweb.domain.resources.resource_kinds import is_vessel
 from twin.frames import Vector
-from twin.state import Resource
+from twin.state import TwinResource
 
 _BY_KIND: dict[str, Vector] = {
     "syringe_pump": (45.0, 115.0, 128.0),
@@ -56,7 +56,7 @@ _HEADROOM = 1.3
 _VESSEL_UL = 50_000.0
 
 
-def size_of(row: Resource) -> Vector:
+def size_of(row: TwinResource) -> Vector:
     """Return width, depth and height."""
     if row.size_mm is not None and min(row.size_mm) > 0:
         return row.size_mm

@@ -20,7 +20,7 @@ class PoseRow(msgspec.Struct, frozen=True):
     rotation_wxyz: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
 
-class Resource(msgspec.Struct, frozen=True, kw_only=True):
+class TwinResource(msgspec.Struct, frozen=True, kw_only=True):
     """One node of the tree with what it holds."""
 
     id: str
@@ -50,24 +50,24 @@ class Resource(msgspec.Struct, frozen=True, kw_only=True):
         return sum(self.contents_nl.values()) / 1000.0
 
 
-class End(msgspec.Struct, frozen=True):
+class TwinTubeEnd(msgspec.Struct, frozen=True):
     """One end of a connection."""
 
     resource_id: str
     port: str
 
 
-class Connection(msgspec.Struct, frozen=True, kw_only=True):
+class TwinConnection(msgspec.Struct, frozen=True, kw_only=True):
     """A tube, or a probe that stands in a vessel."""
 
     id: str
     key: str
     medium: str = "liquid"
-    source: End
-    target: End
+    source: TwinTubeEnd
+    target: TwinTubeEnd
 
 
-class Device(msgspec.Struct, frozen=True, kw_only=True):
+class TwinDevice(msgspec.Struct, frozen=True, kw_only=True):
     """One instrument."""
 
     id: str
@@ -79,7 +79,7 @@ class Device(msgspec.Struct, frozen=True, kw_only=True):
     link: str
 
 
-class Job(msgspec.Struct, frozen=True, kw_only=True):
+class TwinJob(msgspec.Struct, frozen=True, kw_only=True):
     """What a device does at this moment, or did when its outcome was lost."""
 
     id: str
@@ -93,7 +93,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     amount_nl: int = 0
 
 
-class Lab(msgspec.Struct, frozen=True, kw_only=True):
+class TwinLab(msgspec.Struct, frozen=True, kw_only=True):
     """The lab itself."""
 
     key: str
@@ -113,11 +113,11 @@ class Message(msgspec.Struct, frozen=True):
 class Snapshot(msgspec.Struct, kw_only=True):
     """The whole lab at one moment, kept up to date by deltas."""
 
-    lab: Lab
-    resources: dict[str, Resource]
-    connections: dict[str, Connection]
-    devices: dict[str, Device]
-    jobs: dict[str, Job]
+    lab: TwinLab
+    resources: dict[str, TwinResource]
+    connections: dict[str, TwinConnection]
+    devices: dict[str, TwinDevice]
+    jobs: dict[str, TwinJob]
     telemetry: dict[str, dict[str, tuple[float, Any]]]
     """Device → status → wall seconds of the host, value."""
 
@@ -128,10 +128,10 @@ class _Changes(msgspec.Struct, frozen=True):
 
 
 ROWS: dict[str, type[Any]] = {
-    "resources": Resource,
-    "connections": Connection,
-    "devices": Device,
-    "jobs": Job,
+    "resources": TwinResource,
+    "connections": TwinConnection,
+    "devices": TwinDevice,
+    "jobs": TwinJob,
 }
 
 
@@ -139,7 +139,7 @@ class GapError(StateError):
     """A message is missing: nothing was changed; ask for a snapshot."""
 
 
-class LabView:
+class TwinLabView:
     """What the twin knows of the lab."""
 
     def __init__(self) -> None:
@@ -175,7 +175,7 @@ class LabView:
             for key in changes.gone:
                 rows.pop(key, None)
         elif message.kind == "lab":
-            snapshot.lab = msgspec.convert(message.data, Lab)
+            snapshot.lab = msgspec.convert(message.data, TwinLab)
         elif message.kind == "telemetry":
             wanted = dict[str, dict[str, tuple[float, Any]]]
             for device_id, statuses in msgspec.convert(message.data, wanted).items():

@@ -17,7 +17,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
 from labweb.domain.errors import DefinitionError
-from twin.state import GapError, LabView, Message
+from twin.state import GapError, Message, TwinLabView
 
 logger = logging.getLogger(__name__)
 
@@ -79,7 +79,7 @@ class FeedClient:
         self,
         config: Config,
         token: str,
-        view: LabView,
+        view: TwinLabView,
         alive: Callable[[], dict[str, Any]] | None,
     ) -> None:
         """Prepare; nothing is opened yet.

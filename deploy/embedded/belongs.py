@@ -9,11 +9,11 @@ from __future__ import annotations
 import json
 
 from deploy.embedded.errors import EmbeddedError
-from deploy.embedded.external import DATABASE, Found
+from deploy.embedded.external import DATABASE, FoundService
 from deploy.embedded.layout import Layout, read_json, write_private
 
 
-def check(layout: Layout, database: Found) -> None:
+def check(layout: Layout, database: FoundService) -> None:
     """See to it that a given database is empty or goes with this data directory.
 
     Raises:

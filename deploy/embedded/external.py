@@ -34,7 +34,7 @@ REACH_WITHIN_S = 15.0
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class FoundService:
     """A server that answered."""
 
     name: str
@@ -107,7 +107,7 @@ def broker_url_of(redis_url: str) -> str:
     return urlunsplit((parts.scheme, parts.netloc, path or "/0", urlencode(query, safe="/"), ""))
 
 
-def reach(given: Mapping[str, str], environment: Mapping[str, str]) -> dict[str, Found]:
+def reach(given: Mapping[str, str], environment: Mapping[str, str]) -> dict[str, FoundService]:
     """Ask every given server whether the lab can use it.
 
     A program of its own asks, so that no client library lives in the supervisor.
@@ -143,7 +143,7 @@ def reach(given: Mapping[str, str], environment: Mapping[str, str]) -> dict[str,
     if wrong:
         lines = [f"{name}: {text}" for name, text in wrong.items()]
         raise EmbeddedError("\n  ".join([*lines, _advice(wrong)]))
-    return {name: Found(name, **answer) for name, answer in answers.items()}
+    return {name: FoundService(name, **answer) for name, answer in answers.items()}
 
 
 def _answers(done: subprocess.CompletedProcess[str]) -> dict[str, dict[str, Any]]:

@@ -18,7 +18,7 @@ MARK = "LABWEB_RUN"
 
 
 @dataclass(slots=True)
-class Entry:
+class ProcessEntry:
     """One started process."""
 
     process: procfs.Identity
@@ -36,7 +36,7 @@ class Record:
     url: str = ""
     lab: str = ""
     speed: float = 1.0
-    processes: dict[str, Entry] = field(default_factory=dict)
+    processes: dict[str, ProcessEntry] = field(default_factory=dict)
 
     def save(self, layout: Layout) -> None:
         """Write it down in one step.
@@ -86,7 +86,7 @@ def load(layout: Layout) -> Record | None:
         record.url, record.lab = content["url"], content["lab"]
         record.speed = content["speed"]
         for name, (pid, started_ticks, number) in content["processes"].items():
-            entry = Entry(procfs.Identity(pid, started_ticks), Signals(number))
+            entry = ProcessEntry(procfs.Identity(pid, started_ticks), Signals(number))
             record.processes[name] = entry
     except (KeyError, TypeError, ValueError):
         return None

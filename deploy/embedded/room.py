@@ -38,7 +38,7 @@ _MB = 2**20
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
+class DiskRoom:
     """What a disk has left."""
 
     free_bytes: int
@@ -51,13 +51,13 @@ class Room:
         return not self.is_read_only and self.free_bytes >= RESTART_BYTES
 
 
-def look(folder: Path) -> Room | None:
+def look(folder: Path) -> DiskRoom | None:
     """Ask the kernel; None: it does not say."""
     try:
         found = os.statvfs(folder)
     except OSError:
         return None
-    return Room(
+    return DiskRoom(
         found.f_bavail * found.f_frsize,
         found.f_blocks * found.f_frsize,
         _is_read_only(folder, found.f_flag),
@@ -75,7 +75,7 @@ def _is_read_only(folder: Path, flags: int) -> bool:
     return False
 
 
-def warning(folder: Path, room: Room, environment: Mapping[str, str] = os.environ) -> str:
+def warning(folder: Path, room: DiskRoom, environment: Mapping[str, str] = os.environ) -> str:
     """Say what a person has to know of a disk; empty: it has room enough."""
     if room.is_read_only:
         return (

@@ -49,7 +49,7 @@ class Servers:
     """What database and broker the lab has."""
 
     stack: Stack
-    found: Mapping[str, external.Found]
+    found: Mapping[str, external.FoundService]
     """The person's own, by variable."""
 
 

@@ -222,7 +222,7 @@ def _start(stack: Stack, running: list[tuple[Process, subprocess.Popen[bytes]]])
         popen = spawn(process, environment=environment, log=log, folder=stack.layout.data)
         running.append((process, popen))
         if identity := identity_of(popen):
-            book.processes[process.name] = record.Entry(identity, process.orphan_signal)
+            book.processes[process.name] = record.ProcessEntry(identity, process.orphan_signal)
         book.save(stack.layout)
     for server, (process, popen) in zip(stack.servers, running, strict=True):
         wait_ready(process.name, server.is_ready, popen.poll, stack.log_of(process), pause)

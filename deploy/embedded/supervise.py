@@ -18,7 +18,7 @@ from deploy.embedded.children import Process, StopOrder
 from deploy.embedded.console import BROWSER_MARK, Console
 from deploy.embedded.guard import on_stop_signals
 from deploy.embedded.layout import CHECKOUT, Layout
-from deploy.embedded.record import Entry, Record
+from deploy.embedded.record import ProcessEntry, Record
 
 FIRST_BACKOFF_S = 0.5
 LONGEST_BACKOFF_S = 8.0
@@ -180,7 +180,7 @@ class Supervisor:
         self._record.processes = {}
         for name, child in self._children.items():
             if identity := children.identity_of(child.popen):
-                self._record.processes[name] = Entry(identity, child.process.orphan_signal)
+                self._record.processes[name] = ProcessEntry(identity, child.process.orphan_signal)
         self._save_record()
 
     def _save_record(self) -> None:

@@ -184,7 +184,7 @@ class Endpoint(APIView):
         the answer to the key, as one of the act is; but not that something is in use.
         """
 
-    def _answer_before(self, actor: User, key: str, digest: str) -> services.Answer | None:
+    def _answer_before(self, actor: User, key: str, digest: str) -> services.WishAnswer | None:
         """Spare a repetition the preparation, where there is one."""
         if type(self).prepare is Endpoint.prepare:
             return None
@@ -209,7 +209,7 @@ class Endpoint(APIView):
         first: list[Response] = []
         actor, key, digest = user_of(request), _key(request), digest_of(request)
 
-        def act() -> services.Answer:
+        def act() -> services.WishAnswer:
             try:
                 if refusal is not None:
                     raise refusal
@@ -220,21 +220,21 @@ class Endpoint(APIView):
                 response = self.handle_exception(error)
             first.append(response)
             content = b"" if response.data is None else AnswerRenderer().render(response.data)
-            return services.Answer(response.status_code, content, {})
+            return services.WishAnswer(response.status_code, content, {})
 
         try:
             answer = self._answer_before(actor, key, digest)
             if answer is None:
                 refusal = self._early(request, *args, **kwargs)
                 answer = services.carry_out_once(act, actor=actor, key=key, digest=digest)
-        except services.KeyReusedError as error:
+        except services.KeyOfAnotherRequestError as error:
             raise KeyReusedError from error
-        except services.InProgressError as error:
+        except services.KeyInUseError as error:
             raise InProgressError from error
         return _replayed(answer) if answer.is_replayed else first[0]
 
 
-def _replayed(answer: services.Answer) -> HttpResponse:
+def _replayed(answer: services.WishAnswer) -> HttpResponse:
     replayed = HttpResponse(answer.content, status=answer.status, content_type=_JSON)
     replayed[REPLAYED] = "true"
     return replayed

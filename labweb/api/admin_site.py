@@ -15,7 +15,7 @@ from django.template.response import TemplateResponse
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.api.access.password_attempts import Place, closed_words
+from labweb.api.access.password_attempts import AttemptOrigin, closed_words
 from labweb.common.database import sessions
 
 _SIGN_IN = "/login"
@@ -23,7 +23,7 @@ _TYPED = "confirm_password"
 View = TypeVar("View", bound=Callable[..., HttpResponseBase])
 
 
-class Site(admin.AdminSite):
+class LabAdminSite(admin.AdminSite):
     """Admin pages under one sign-in: that of the app, which counts failures."""
 
     site_header = "labweb"
@@ -72,7 +72,7 @@ def _ask_again(request: HttpRequest) -> HttpResponse | None:
     given = request.POST.get(_TYPED)
     closed_for_s = 0
     if given is not None and isinstance(request.user, User):
-        place = Place.of(request, request.user.username)
+        place = AttemptOrigin.of(request, request.user.username)
         closed_for_s = place.closed_for_s()
         if not closed_for_s and request.user.check_password(given):
             sessions.confirm(request.session)
@@ -102,7 +102,7 @@ def _ask_again(request: HttpRequest) -> HttpResponse | None:
     return answer
 
 
-def _count(request: HttpRequest, user: User, place: Place) -> None:
+def _count(request: HttpRequest, user: User, place: AttemptOrigin) -> None:
     """Count a wrong password as one of a sign-in, and write it down."""
     place.count_failure()
     address = str(request.META.get("REMOTE_ADDR", ""))

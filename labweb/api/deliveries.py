@@ -40,7 +40,7 @@ class Delivered(msgspec.Struct, forbid_unknown_fields=True):
     lots: list[dict[str, str]]
 
 
-class Signed(BaseAuthentication):
+class SignedDelivery(BaseAuthentication):
     """Whoever signs with the shared secret acts in the name of its user."""
 
     def authenticate(self, request: Request) -> tuple[User, None]:
@@ -57,7 +57,7 @@ class Signed(BaseAuthentication):
 class DescribedSigned(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call] # the library registers it
     """How the signature stands in the description of the interface."""
 
-    target_class = Signed
+    target_class = SignedDelivery
     name = "lims"
 
     def get_security_definition(self, auto_schema: object) -> dict[str, str]:
@@ -76,7 +76,7 @@ class Deliveries(Endpoint):
     """Deliveries from another system."""
 
     # No session: the signature alone says who asks.
-    authentication_classes = (Signed,)
+    authentication_classes = (SignedDelivery,)
     parser_classes = (OfAnyType,)
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Delivered}
     statuses: ClassVar = {"post": 201}

@@ -22,7 +22,7 @@ from labweb.api.bodies import BoundedBody
 from labweb.api.borders import Receive, Scope, Send
 from labweb.api.errors import refusal
 from labweb.api.paces import STREAMS, TERMS, Pace
-from labweb.common.limits.lanes import FullError, Lane, Ticket, give_back_connection
+from labweb.common.limits.lanes import FullError, Lane, LaneTicket, give_back_connection
 from labweb.common.limits.rates import Buckets
 
 logger = logging.getLogger(__name__)
@@ -143,14 +143,14 @@ async def _through(lane: Lane, name: str, function: Callable[[A], T], argument: 
         FullError: There is no place in time; it was not called.
     """
     await lane.enter(name)
-    ticket = Ticket(lane, name)
+    ticket = LaneTicket(lane, name)
     try:
         return await sync_to_async(_on_thread)(ticket, function, argument)
     finally:
         ticket.drop()
 
 
-def _on_thread(ticket: Ticket, function: Callable[[A], T], argument: A) -> T:
+def _on_thread(ticket: LaneTicket, function: Callable[[A], T], argument: A) -> T:
     if not ticket.begin():
         raise FullError(is_own=True)
     try:

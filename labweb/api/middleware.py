@@ -84,20 +84,20 @@ def once_per_form(get_response: Callable[[HttpRequest], HttpResponse]) -> Handle
             return get_response(request)
         digest = _digest_of_form(request)
 
-        def act() -> account_services.Answer:
+        def act() -> account_services.WishAnswer:
             response = get_response(request)
             if response.status_code >= _FAILED:
                 set_rollback(True)
             first.append(response)
             headers = {name: response[name] for name in _KEPT_HEADERS if name in response}
-            return account_services.Answer(response.status_code, response.content, headers)
+            return account_services.WishAnswer(response.status_code, response.content, headers)
 
         first: list[HttpResponse] = []
         try:
             found = account_services.carry_out_once(
                 act, actor=user, key=f"{token} {digest}", digest=digest
             )
-        except account_services.InProgressError:
+        except account_services.KeyInUseError:
             return HttpResponse("The first of these is being carried out.", status=409)
         return (
             first[0]

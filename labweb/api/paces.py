@@ -228,7 +228,7 @@ MOST_BODY_BYTES = MAX_BODY_BYTES + ENVELOPE_BYTES
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class KnownPace:
     """What holds for one address."""
 
     route: str
@@ -242,19 +242,19 @@ class Found:
         return self.paces
 
 
-_ANY = Found("", Pace.QUICK, MOST_BODY_BYTES)
+_ANY = KnownPace("", Pace.QUICK, MOST_BODY_BYTES)
 
 
-def find(path: str) -> Found:
+def find(path: str) -> KnownPace:
     """Return what holds for an address, `/api/v1/runs`; what is not declared counts as quick."""
     match = _pattern().fullmatch(path.removeprefix("/"))
     return _ANY if match is None else _found()[str(match.lastgroup)]
 
 
 @cache
-def _found() -> dict[str, Found]:
+def _found() -> dict[str, KnownPace]:
     return {
-        f"r{number}": Found(route, paces, BODIES.get(route, MOST_BODY_BYTES))
+        f"r{number}": KnownPace(route, paces, BODIES.get(route, MOST_BODY_BYTES))
         for number, (route, paces) in enumerate(DECLARED.items())
     }
 

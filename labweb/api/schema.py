@@ -12,8 +12,8 @@ from drf_spectacular.plumbing import ResolvedComponent
 from drf_spectacular.utils import OpenApiParameter
 
 from labweb.accounts.api import HEADER, acts
-from labweb.api.answers.refusals import REASONS, Refusal
 from labweb.api.access.token_sign_in import TokenAuthentication
+from labweb.api.answers.refusals import REASONS, Refusal
 from labweb.common.answers import answers_of
 
 

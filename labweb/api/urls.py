@@ -18,7 +18,7 @@ urlpatterns = [
     path("home", home.Home.as_view()),
     path("search", home.Search.as_view()),
     path("deliveries", deliveries.Deliveries.as_view()),
-    path("twin", proxy.Twin.as_view()),
+    path("twin", proxy.TwinProxy.as_view()),
     path("", include("labweb.resources.urls")),
     path("", include("labweb.enrollment.urls")),
     path("", include("labweb.crutd.urls")),

@@ -19,7 +19,7 @@ class LabwebAdminConfig(SimpleAdminConfig):
     """
 
     default = False
-    default_site = "labweb.api.admin_site.Site"
+    default_site = "labweb.api.admin_site.LabAdminSite"
 
     def ready(self) -> None:
         """Register the checks of the admin, and load no page."""

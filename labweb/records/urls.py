@@ -21,8 +21,8 @@ urlpatterns = [
     path("readings/<uuid:reading_id>/points", files.ReadingPoints.as_view()),
     path("readings", files.Readings.as_view()),
     path("lots/<uuid:lot_id>/provenance", provenance.LotProvenance.as_view()),
-    path("resources/<uuid:resource_id>", resource_history.OneResource.as_view()),
-    path("resources/<uuid:resource_id>/events", resource_history.ResourceEvents.as_view()),
+    path("resources/<uuid:resource_id>", resource_history.ResourceWithRuns.as_view()),
+    path("resources/<uuid:resource_id>/events", resource_history.ResourceEventsWithRuns.as_view()),
     path("resources/<uuid:resource_id>/provenance", provenance.ResourceProvenance.as_view()),
     path("resources/<uuid:resource_id>/conditions", provenance.Conditions.as_view()),
 ]

@@ -17,7 +17,7 @@ class Labs(ReadOnly):
 
 
 @admin.register(Resource)
-class Resources(ReadOnly):
+class ResourcesAdmin(ReadOnly):
     """Nodes of the tree."""
 
     list_display = ("name", "key", "kind", "parent", "rev", "is_quarantined", "is_archived")
@@ -32,7 +32,7 @@ class Resources(ReadOnly):
 
 
 @admin.register(Connection)
-class Connections(ReadOnly):
+class ConnectionsAdmin(ReadOnly):
     """Edges of the physical graph."""
 
     list_display = ("key", "source", "source_port", "target", "target_port", "medium")

@@ -11,7 +11,7 @@ urlpatterns = [
     path("lab/stop", lab.StopLab.as_view()),
     path("lab/reset", lab.ResetLab.as_view()),
     path("workflows", workflows.Workflows.as_view()),
-    path("workflows/check", workflows.Check.as_view()),
+    path("workflows/check", workflows.DraftCheck.as_view()),
     path("workflows/<uuid:workflow_id>", workflows.OneWorkflow.as_view()),
     path("runs", runs.Runs.as_view()),
     path("runs/<uuid:run_id>", runs.OneRun.as_view()),

@@ -119,7 +119,7 @@ class Export(Endpoint):
         level = word(request, "level", tuple(NAMES))
         specs = {status.name: status for status in enrollment_selectors.spec_of(device).statuses}
         asked = _statuses(request, device, specs)
-        wanted = services.Wanted(
+        wanted = services.WantedSeries(
             device_id=device.id,
             device_key=device.key,
             units={name: _words(name, spec)["unit"] for name, spec in specs.items()},

@@ -9,7 +9,7 @@ from labweb.workflows.models import Workflow, WorkflowVersion
 
 
 @admin.register(Workflow)
-class Workflows(ReadOnly):
+class WorkflowsAdmin(ReadOnly):
     """Drafts."""
 
     list_display = ("name", "is_template", "draft_revision", "created_by", "updated_at")

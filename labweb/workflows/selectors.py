@@ -145,7 +145,7 @@ def find_numbered(workflow_id: UUID, number: int) -> WorkflowVersion:
 
 
 @dataclass(frozen=True, slots=True)
-class Proof:
+class StoredProof:
     """How a document stands to the proof of a recipe that one of its versions carries."""
 
     version: WorkflowVersion
@@ -155,18 +155,18 @@ class Proof:
     """What takes it away; none: the document has it."""
 
 
-def proof_of(workflow: Workflow, document: Mapping[str, Any]) -> Proof | None:
+def proof_of(workflow: Workflow, document: Mapping[str, Any]) -> StoredProof | None:
     """Return how a document stands to the proofs of a workflow; None: it has none.
 
     Args:
         workflow: Which.
         document: A draft of it, perhaps unfinished.
     """
-    newest: Proof | None = None
+    newest: StoredProof | None = None
     rows = workflow.versions.filter(proved__isnull=False).order_by("-number")
     for row in rows.iterator():
         names = resource_selectors.names_in(_values(row.document), _values(document))
-        found = Proof(row, tuple(changes_since(row.document, document, names)))
+        found = StoredProof(row, tuple(changes_since(row.document, document, names)))
         if not found.changes:
             return found
         newest = newest or found

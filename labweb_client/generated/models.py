@@ -1270,6 +1270,17 @@ class ProvenanceTruncation(Struct):
     has_more_acts: bool
 
 
+class ReactantShare(Struct):
+    """
+    What a reaction consumed of one lot: in the unit that the lot is counted in.
+    """
+
+    lot_id: str
+    amount_nl: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0
+    amount_ug: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0
+    mass_ug: MassUg | None | UnsetType = UNSET
+
+
 class ReactionLot(Struct):
     """
     A lot in a vessel in which something may have reacted.
@@ -1751,17 +1762,6 @@ class SeriesAxis(Struct):
     points_count: int
     least: int | float | str | None
     most: int | float | str | None
-
-
-class Share(Struct):
-    """
-    What a reaction consumed of one lot: in the unit that the lot is counted in.
-    """
-
-    lot_id: str
-    amount_nl: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0
-    amount_ug: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0
-    mass_ug: MassUg | None | UnsetType = UNSET
 
 
 class ShowingRun(Struct):
@@ -2294,7 +2294,7 @@ class VolumeOrder(Struct):
     valid_days: Annotated[int, Meta(ge=0, le=1000000)] | UnsetType = 365
 
 
-class Wanted(Struct):
+class WantedReservation(Struct):
     """
     What to reserve, for how long, and what for.
     """
@@ -3140,7 +3140,7 @@ class React(Struct, tag_field="op", tag="react"):
     """
 
     resource_id: str
-    reactants: Annotated[list[Share], Meta(max_length=100, min_length=1)]
+    reactants: Annotated[list[ReactantShare], Meta(max_length=100, min_length=1)]
     products: Annotated[list[Product], Meta(max_length=100, min_length=1)]
     reason: Annotated[str, Meta(max_length=500)]
     residue_ug: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0

@@ -704,7 +704,7 @@ class Operations(ABC):
         )
 
     def post_reservations(
-        self, body: models.Wanted, *, key: str | None = None
+        self, body: models.WantedReservation, *, key: str | None = None
     ) -> models.ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
         return self.call(
@@ -1873,7 +1873,7 @@ class AsyncOperations(ABC):
         )
 
     async def post_reservations(
-        self, body: models.Wanted, *, key: str | None = None
+        self, body: models.WantedReservation, *, key: str | None = None
     ) -> models.ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
         return await self.call(

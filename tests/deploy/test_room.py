@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from deploy.embedded import room
-from deploy.embedded.room import Room
+from deploy.embedded.room import DiskRoom
 from labweb.domain.disk_space import DiskRoomLevel, DiskSpace, Floors
 
 MIB = 2**20
@@ -17,13 +17,13 @@ HERE = Path("/data")
 def test_the_terminal_and_the_page_warn_alike(free_mib: int, total_mib: int) -> None:
     free, total = free_mib * MIB, total_mib * MIB
     level = DiskSpace(name="x", free_bytes=free, total_bytes=total).level(Floors())
-    said = room.warning(HERE, Room(free, total), {})
+    said = room.warning(HERE, DiskRoom(free, total), {})
     assert bool(said) is (level is not DiskRoomLevel.OK)
     assert ("no run is started" in said) is (level is DiskRoomLevel.FULL)
 
 
 def test_the_levels_are_set_in_the_environment() -> None:
-    found = Room(60 * MIB, 1_000 * MIB)
+    found = DiskRoom(60 * MIB, 1_000 * MIB)
     assert "0.2 GB" in room.warning(HERE, found, {})
     calm = {room.WARN_MB: "50", room.WARN_PERCENT: "1", room.FLOOR_MB: "10"}
     assert room.warning(HERE, found, calm) == ""
@@ -32,4 +32,4 @@ def test_the_levels_are_set_in_the_environment() -> None:
 
 
 def test_a_disk_that_can_only_be_read_is_told_of() -> None:
-    assert "can only be read" in room.warning(HERE, Room(10**12, 10**12, is_read_only=True), {})
+    assert "can only be read" in room.warning(HERE, DiskRoom(10**12, 10**12, is_read_only=True), {})

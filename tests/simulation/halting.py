@@ -18,7 +18,7 @@ from labweb.domain.messages.stops import StopLabFrame
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, host_state
 from labweb.domain.runs.host_actions.action_execution import FoundDevice, Started
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.domain.runs.states.job_states import JobState
 from tests.simulation.checks import require
@@ -243,7 +243,7 @@ class HaltingWorld(World):
         self.loose.discard(device_id)
         return FoundDevice(is_halted=True, text="it stands")
 
-    def finish(self, host: SimHost, started: Started) -> Report:
+    def finish(self, host: SimHost, started: Started) -> ActionReport:
         assert isinstance(host, HaltingHost)
         row = started.row
         is_stopped = host.is_halted or host.disk.actions[row.action_id].is_cancel_wanted
@@ -258,16 +258,16 @@ class HaltingWorld(World):
             host.stopped[row.device_id] = self.halt(host, row.device_id)
         return report
 
-    def _set(self, host: HaltingHost, row: ActionRow, *, is_stopped: bool) -> Report:
+    def _set(self, host: HaltingHost, row: ActionRow, *, is_stopped: bool) -> ActionReport:
         kind = 0.0 if self.is_calm else host.rng.random()
         if is_stopped and host.rng.getrandbits(1):
-            return Report(ok=False, effect=Effect.NONE, code="device.halted")
+            return ActionReport(ok=False, effect=Effect.NONE, code="device.halted")
         if kind > 0.97:
-            return Report(ok=False, effect=Effect.NONE, code="device.refused")
+            return ActionReport(ok=False, effect=Effect.NONE, code="device.refused")
         self._turn(row)
         if kind > 0.85:
-            return Report(ok=False, effect=Effect.UNKNOWN, code="device.silent")
-        return Report(ok=True)
+            return ActionReport(ok=False, effect=Effect.UNKNOWN, code="device.silent")
+        return ActionReport(ok=True)
 
     def _turn(self, row: ActionRow) -> None:
         self.set_to[row.device_id] = self._operation(row).data[SETPOINT]

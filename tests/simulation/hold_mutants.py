@@ -9,7 +9,13 @@ from uuid import UUID
 
 from labweb.domain.runs.exclusive_use import run_claims, run_holds
 from labweb.domain.runs.exclusive_use.run_claims import Claims, JobProgress
-from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, HoldScene, Party, Refusal, UseMode
+from labweb.domain.runs.exclusive_use.run_holds import (
+    HoldAsk,
+    HoldRefusal,
+    HoldScene,
+    Party,
+    UseMode,
+)
 from tests.simulation.mutants import Mutant, Patch
 
 
@@ -22,7 +28,7 @@ def order_is_not_kept(patch: Patch) -> None:
     """Who comes later overtakes who waits."""
     real = run_holds.refusal
 
-    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
+    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> HoldRefusal | None:
         return real(asker, ask, replace(scene, waiting=()))
 
     patch.setattr(run_holds, "refusal", refusal)
@@ -48,7 +54,7 @@ def held_by_nobody(patch: Patch) -> None:
     """What another run holds is in nobody's way."""
     real = run_holds.refusal
 
-    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
+    def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> HoldRefusal | None:
         free: Mapping[UUID, UseMode] = {}
         parties = [one if one.id == asker.id else replace(one, held=free) for one in scene.parties]
         return real(asker, ask, replace(scene, parties=parties))

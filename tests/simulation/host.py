@@ -20,7 +20,7 @@ from labweb.domain.runs.host_actions import (
 )
 from labweb.domain.runs.host_actions.action_execution import HostScene, Started
 from labweb.domain.runs.host_journal import action_states
-from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState
 from labweb.domain.runs.host_journal.event_bodies import report_from
 from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import (
@@ -295,7 +295,7 @@ class SimHost:
         return found if self.rng.random() < FOLLOWS_SHARE else None
 
     def _end(
-        self, row: ActionRow, report: Report, following: ActionRow | None = None
+        self, row: ActionRow, report: ActionReport, following: ActionRow | None = None
     ) -> Started | None:
         with self.write(is_sealed=False) as tx:
             action_execution.write_end(tx, row, report, [])

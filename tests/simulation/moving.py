@@ -11,7 +11,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages.commands import Receive, Release, ResourceView
+from labweb.domain.messages.commands import ReceiveCommand, Release, ResourceView
 from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.exclusive_use import resource_custody
 from labweb.domain.runs.exclusive_use.resource_custody import CustodyState, ResourceCustody
@@ -39,13 +39,13 @@ class Moving:
         self.disks = {host: Disk(host, id_of(22, host.int)) for host in HOSTS}
         self.read = dict.fromkeys(HOSTS, 0)
         self.known: dict[UUID, ResourceCustody] = {}
-        self.commands: dict[UUID, Release | Receive] = {}
+        self.commands: dict[UUID, Release | ReceiveCommand] = {}
         """Unanswered commands, by vial: rung until the host has told what became of them."""
 
         self.told: dict[UUID, ResourceView] = {}
         """Parts as the server knows them; older than what their first host knows."""
 
-        self.wire: list[Release | Receive] = []
+        self.wire: list[Release | ReceiveCommand] = []
         self.used: set[UUID] = set()
         self.looked: dict[UUID, set[int]] = {host: set() for host in HOSTS}
         self.finished = 0
@@ -125,7 +125,7 @@ class Moving:
         except InterruptedError:
             self.wire.append(command)
 
-    def check_use(self, command: Release | Receive) -> None:
+    def check_use(self, command: Release | ReceiveCommand) -> None:
         """I9: nothing leaves while an action holds it."""
         last = self.disks[command.host_id].events[-1]
         if isinstance(command, Release) and last.kind == "released":
@@ -160,7 +160,7 @@ class Moving:
             )
             self.known[vial] = moved
             assert moved.target is not None
-            self.commands[vial] = Receive(
+            self.commands[vial] = ReceiveCommand(
                 host_id=moved.target,
                 epoch=1,
                 transfer_id=transfer_id,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from labweb.domain.runs.host_actions.action_execution import Started
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class Lab(Protocol):
     def begin(self, host: SimHost, started: Started) -> None:
         """Send the first byte."""
 
-    def finish(self, host: SimHost, started: Started) -> Report:
+    def finish(self, host: SimHost, started: Started) -> ActionReport:
         """Let the device answer."""
 
     def accepted(self, host: SimHost, row: ActionRow) -> None:

@@ -13,7 +13,7 @@ from labweb.domain.messages.commands import Command
 from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.host_actions.action_execution import Started
-from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from labweb.domain.runs.host_link.host_session import SessionState
 from labweb.domain.runs.states.job_states import FINAL, JobState, Mover
@@ -119,7 +119,7 @@ class World:
         written = host.disk.actions[row.action_id].st
         require(written is ActionState.STARTED, "I13", "acts before the start is on disk")
 
-    def finish(self, host: SimHost, started: Started) -> Report:
+    def finish(self, host: SimHost, started: Started) -> ActionReport:
         """The device answers."""
         row, amount_nl = started.row, STROKE_NL
         kind = 0.0 if self.is_calm else host.rng.random()
@@ -129,11 +129,11 @@ class World:
             moved_nl = host.rng.choice((0, amount_nl // 4, amount_nl))
         self.matter.pour(row.action_id, self._operation(row), moved_nl)
         if moved_nl == amount_nl and kind <= 0.97:
-            return Report(ok=True, moved_nl=moved_nl)
+            return ActionReport(ok=True, moved_nl=moved_nl)
         if kind > 0.97:
-            return Report(ok=False, effect=Effect.UNKNOWN, code="device.silent")
+            return ActionReport(ok=False, effect=Effect.UNKNOWN, code="device.silent")
         effect = Effect.PARTIAL if moved_nl else Effect.NONE
-        return Report(ok=False, effect=effect, moved_nl=moved_nl, code="device.halted")
+        return ActionReport(ok=False, effect=effect, moved_nl=moved_nl, code="device.halted")
 
     def interrupted(self, host: SimHost) -> None:
         """A device whose driver died goes on by itself, or not."""

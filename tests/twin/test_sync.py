@@ -12,7 +12,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from labweb.domain.errors import DefinitionError
 from tests.twin import labs
-from twin.state import GapError, LabView, Message
+from twin.state import GapError, Message, TwinLabView
 from twin.sync import Config, FeedClient, next_wait_s, read_config
 
 TOKEN = "a-service-token"
@@ -43,8 +43,8 @@ class SmallFeed:
 
 
 @asynccontextmanager
-async def following() -> AsyncIterator[tuple[SmallFeed, LabView]]:
-    feed, view = SmallFeed(), LabView()
+async def following() -> AsyncIterator[tuple[SmallFeed, TwinLabView]]:
+    feed, view = SmallFeed(), TwinLabView()
     async with serve(feed.serve, "127.0.0.1", 0) as server:
         port = next(iter(server.sockets)).getsockname()[1]
         config = Config(server_url=f"ws://127.0.0.1:{port}", token_file="")
@@ -65,7 +65,7 @@ async def until(is_so: Callable[[], bool]) -> None:
             await asyncio.sleep(0.01)
 
 
-def contents_of_bottle(view: LabView) -> float:
+def contents_of_bottle(view: TwinLabView) -> float:
     assert view.snapshot is not None
     return view.snapshot.resources["id-bottle"].total_ul
 
@@ -143,7 +143,7 @@ async def test_the_twin_says_each_second_that_it_is_alive() -> None:
 
 
 def test_what_is_gone_is_taken_out() -> None:
-    view = LabView()
+    view = TwinLabView()
     view.take(Message(1, "snapshot", labs.body()))
     view.take(Message(2, "resources", {"changed": {}, "gone": ["id-timer", "id-never"]}))
 
@@ -153,11 +153,11 @@ def test_what_is_gone_is_taken_out() -> None:
 
 def test_a_delta_before_any_snapshot_is_a_gap() -> None:
     with pytest.raises(GapError):
-        LabView().take(Message(1, "lab", {}))
+        TwinLabView().take(Message(1, "lab", {}))
 
 
 def test_a_row_of_another_shape_changes_nothing() -> None:
-    view = LabView()
+    view = TwinLabView()
     view.take(Message(1, "snapshot", labs.body()))
 
     with pytest.raises(msgspec.ValidationError):

@@ -11,7 +11,7 @@ LEAST_BYTES = 2**20
 """With less, a write that was refused was refused for want of room."""
 
 
-class DiskSpace(TypedDict):
+class MeasuredDiskSpace(TypedDict):
     """What a sign of life says of the disk."""
 
     disk_free_bytes: int
@@ -19,14 +19,14 @@ class DiskSpace(TypedDict):
     is_disk_read_only: bool
 
 
-def disk_space_of(folder: Path) -> DiskSpace:
+def disk_space_of(folder: Path) -> MeasuredDiskSpace:
     """Ask the system.
 
     Raises:
         OSError: It does not say.
     """
     found = os.statvfs(folder)
-    return DiskSpace(
+    return MeasuredDiskSpace(
         disk_free_bytes=found.f_bavail * found.f_frsize,
         disk_total_bytes=found.f_blocks * found.f_frsize,
         is_disk_read_only=_is_read_only(folder, found.f_flag),

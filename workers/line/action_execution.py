@@ -17,7 +17,7 @@ from labweb.domain.crutd.settlement import confirmed_nl
 from labweb.domain.enrollment.action_guards import watchdog_s
 from labweb.domain.errors import DeviceError, Effect, LabError
 from labweb.domain.messages.commands import Do
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.domain.runs.host_journal.event_bodies import plain
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from workers.base import faults
@@ -36,7 +36,7 @@ NL_PER_UL = 1000
 class ActionResult:
     """What came of an action."""
 
-    report: Report
+    report: ActionReport
     files: tuple[DataFile, ...] = ()
     """What the action hands over, as the report names it; not on disk yet."""
 
@@ -81,7 +81,7 @@ class ActionExecution:
             return ActionResult(_watchdog_report(late=plain(report.evidence), is_hung=False))
         return ActionResult(report, files=files)
 
-    def look(self, is_cancel_wanted: Callable[[], bool]) -> Report | None:
+    def look(self, is_cancel_wanted: Callable[[], bool]) -> ActionReport | None:
         """Halt the device when its time is over, or once when a person wants it to end.
 
         Called by another thread again and again. A halt never meets what comes after the action.
@@ -113,7 +113,7 @@ class ActionExecution:
             self._is_given_up = not self._is_over
         return self._is_over
 
-    def _report(self) -> tuple[Report, tuple[DataFile, ...]]:
+    def _report(self) -> tuple[ActionReport, tuple[DataFile, ...]]:
         try:
             with _observed(self.unit):
                 told = self._call()
@@ -123,10 +123,12 @@ class ActionExecution:
         except Exception as error:
             log.exception("driver of %s failed", self.unit.config.key)
             text = f"{type(error).__name__}: {error}"
-            return Report(ok=False, effect=Effect.UNKNOWN, code="driver.bug", message=text), ()
+            return ActionReport(
+                ok=False, effect=Effect.UNKNOWN, code="driver.bug", message=text
+            ), ()
         except BaseException:  # a driver that would end the process
             log.exception("driver of %s failed", self.unit.config.key)
-            return Report(ok=False, effect=Effect.UNKNOWN, code="driver.bug"), ()
+            return ActionReport(ok=False, effect=Effect.UNKNOWN, code="driver.bug"), ()
 
     def _call(self) -> DriverReport:
         do = self.row.do
@@ -136,8 +138,8 @@ class ActionExecution:
         return self.unit.act(do.action, dict(do.args), str(do.action_id))
 
 
-def _watchdog_report(*, late: dict[str, Any], is_hung: bool) -> Report:
-    return Report(
+def _watchdog_report(*, late: dict[str, Any], is_hung: bool) -> ActionReport:
+    return ActionReport(
         ok=False,
         effect=Effect.UNKNOWN,
         code="edge.watchdog",
@@ -151,7 +153,7 @@ def is_plain_read(do: Do, unit: DeviceUnit) -> bool:
     return do.operation.get("op") == "read" and do.action == "read" and not unit.has_action("read")
 
 
-def to_report(do: Do, unit: DeviceUnit, report: DriverReport) -> Report:
+def to_report(do: Do, unit: DeviceUnit, report: DriverReport) -> ActionReport:
     """Turn a driver's report into the journal's.
 
     Raises:
@@ -162,7 +164,7 @@ def to_report(do: Do, unit: DeviceUnit, report: DriverReport) -> Report:
     data: dict[str, Any] = {}
     if do.operation.get("op") in {"update", "read"}:
         data = {key: evidence[key] for key in evidence if key in unit.config.statuses}
-    return Report(
+    return ActionReport(
         ok=True, moved_nl=_moved_nl(do, report), evidence=evidence, data=data, files=files
     )
 
@@ -190,7 +192,7 @@ def _named(do: Do, report: DriverReport) -> tuple[NamedFile, ...]:
     return named
 
 
-def without_files(do: Do, report: Report, error: LabError) -> Report:
+def without_files(do: Do, report: ActionReport, error: LabError) -> ActionReport:
     """Return the report of an action that was done, and whose files could not be kept."""
     return replace(
         report,
@@ -224,8 +226,8 @@ def _true_nl(do: Do, told_ul: object) -> int | None:
     return _to_nl(correction.true_of(told_nl / NL_PER_UL))
 
 
-def _failed(do: Do, error: LabError) -> Report:
-    return Report(
+def _failed(do: Do, error: LabError) -> ActionReport:
+    return ActionReport(
         ok=False,
         effect=error.effect,
         moved_nl=_true_nl(do, error.context.get("moved_ul")),

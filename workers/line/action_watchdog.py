@@ -9,7 +9,7 @@ from uuid import UUID
 
 from labweb.domain.clock_and_ids import Clock
 from labweb.domain.messages.commands import Do
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from workers.journal.journal import Journal
 from workers.line.action_execution import ActionExecution, ActionResult
@@ -123,7 +123,7 @@ class ActionWatchdog:
         if report is not None:
             raise HungDriverError(act.unit.config.key)
 
-    def _end(self, act: ActionExecution, report: Report) -> None:
+    def _end(self, act: ActionExecution, report: ActionReport) -> None:
         """Write the end of an action in place of its line's thread, which does not come back."""
         journal = self._hold()
         outcomes = OutcomeRecord(journal, self._clock)

@@ -18,7 +18,7 @@ from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_actions import action_execution as acting
 from labweb.domain.runs.host_actions.action_execution import Started
 from labweb.domain.runs.host_journal import action_states, paired_actions
-from labweb.domain.runs.host_journal.action_states import ActionState, HostAnswer, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState, HostAnswer
 from labweb.domain.runs.host_journal.event_bodies import plain, report_from
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from labweb.domain.runs.host_journal.paired_actions import PairStand
@@ -309,7 +309,7 @@ class Executor:
         self,
         row: ActionRow,
         do: Do,
-        report: Report,
+        report: ActionReport,
         before: Mapping[tuple[UUID, str], Any],
     ) -> None:
         """Read the post-conditions and end the action. Nothing here makes a device move.
@@ -384,7 +384,7 @@ class Executor:
     def _finish(
         self,
         row: ActionRow,
-        report: Report,
+        report: ActionReport,
         post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None = None,
         following: FollowingAction | None = None,

@@ -13,7 +13,7 @@ from labweb.domain.messages.commands import Do
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution
 from labweb.domain.runs.host_actions.action_execution import Started
-from labweb.domain.runs.host_journal.action_states import HostScene, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, HostScene
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalError
 from workers.base import faults
 from workers.base.disk_space import is_short
@@ -53,14 +53,14 @@ class OutcomeRecord:
         self._journal = journal
         self._clock = clock
 
-    def write_answer(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
+    def write_answer(self, row: ActionRow, report: ActionReport, context: dict[str, Any]) -> None:
         """Write that the device has answered; what follows only reads."""
         self._persist(lambda: self._write_answer(row, report, context))
 
     def write_end(
         self,
         row: ActionRow,
-        report: Report,
+        report: ActionReport,
         post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None = None,
         following: FollowingAction | None = None,
@@ -93,14 +93,14 @@ class OutcomeRecord:
         with self._journal.write(is_sealed=False) as tx:
             halted_setpoints.halt_with_action(tx, row, is_owed=is_owed)
 
-    def _write_answer(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
+    def _write_answer(self, row: ActionRow, report: ActionReport, context: dict[str, Any]) -> None:
         with self._journal.write(is_sealed=False) as tx:
             action_execution.write_actuated(tx, row, report, context)
 
     def _write_end(
         self,
         row: ActionRow,
-        report: Report,
+        report: ActionReport,
         post: list[tuple[Condition, ConditionResult]],
         answered: dict[str, Any] | None,
         following: FollowingAction | None,

@@ -4252,13 +4252,27 @@ export interface components {
             op: "react";
             /** Format: uuid */
             resource_id: string;
-            reactants: components["schemas"]["Share"][];
+            reactants: components["schemas"]["ReactantShare"][];
             products: components["schemas"]["Product"][];
             reason: string;
             /** @default 0 */
             residue_ug: number;
             /** Format: uuid */
             basis?: string;
+        };
+        /**
+         * ReactantShare
+         * @description What a reaction consumed of one lot: in the unit that the lot is counted in.
+         */
+        ReactantShare: {
+            /** Format: uuid */
+            lot_id: string;
+            /** @default 0 */
+            amount_nl: number;
+            /** @default 0 */
+            amount_ug: number;
+            /** @default null */
+            mass_ug: number | null;
         };
         /**
          * ReactionLot
@@ -5000,20 +5014,6 @@ export interface components {
          */
         SessionState: "enrolling" | "fenced" | "isolated" | "online" | "quarantined" | "revoked" | "suspect" | "syncing";
         /**
-         * Share
-         * @description What a reaction consumed of one lot: in the unit that the lot is counted in.
-         */
-        Share: {
-            /** Format: uuid */
-            lot_id: string;
-            /** @default 0 */
-            amount_nl: number;
-            /** @default 0 */
-            amount_ug: number;
-            /** @default null */
-            mass_ug: number | null;
-        };
-        /**
          * ShowingRun
          * @description The run in which a device shows its name.
          */
@@ -5638,10 +5638,10 @@ export interface components {
             valid_days: number;
         };
         /**
-         * Wanted
+         * WantedReservation
          * @description What to reserve, for how long, and what for.
          */
-        Wanted: {
+        WantedReservation: {
             resource_ids: string[];
             minutes: number;
             reason: string;
@@ -8583,7 +8583,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["Wanted"];
+                "application/json": components["schemas"]["WantedReservation"];
             };
         };
         responses: {

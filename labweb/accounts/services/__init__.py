@@ -16,9 +16,9 @@ from labweb.accounts.services.audit_trail import (
 )
 from labweb.accounts.services.idempotency import (
     KEPT_FOR,
-    Answer,
-    InProgressError,
-    KeyReusedError,
+    KeyInUseError,
+    KeyOfAnotherRequestError,
+    WishAnswer,
     carry_out_once,
     find_answer,
     forget_answers,
@@ -33,10 +33,10 @@ from labweb.accounts.services.users import (
 
 __all__ = [
     "KEPT_FOR",
-    "Answer",
-    "InProgressError",
-    "KeyReusedError",
+    "KeyInUseError",
+    "KeyOfAnotherRequestError",
     "PasswordFrom",
+    "WishAnswer",
     "acting_token",
     "carry_out_once",
     "change_password",

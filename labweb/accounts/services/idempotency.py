@@ -29,16 +29,16 @@ SELECT set_config('lock_timeout', '2s', true), pg_advisory_xact_lock(%s),
 SELECT lists is evaluated from left to right."""
 
 
-class KeyReusedError(Exception):
+class KeyOfAnotherRequestError(Exception):
     """The key was given to another request before."""
 
 
-class InProgressError(Exception):
+class KeyInUseError(Exception):
     """A request with this key is being carried out."""
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class WishAnswer:
     """What a request was answered."""
 
     status: int
@@ -48,7 +48,9 @@ class Answer:
     """It is the first answer; nothing was carried out for it now."""
 
 
-def carry_out_once(act: Callable[[], Answer], *, actor: User, key: str, digest: str) -> Answer:
+def carry_out_once(
+    act: Callable[[], WishAnswer], *, actor: User, key: str, digest: str
+) -> WishAnswer:
     """Carry out what a request asks for, unless it was carried out by the same key before.
 
     The effect and the answer are written in one atomic block: either both are there, also after
@@ -62,8 +64,8 @@ def carry_out_once(act: Callable[[], Answer], *, actor: User, key: str, digest: 
         digest: SHA-256 of the request, hex.
 
     Raises:
-        KeyReusedError: The key belongs to another request; nothing was carried out.
-        InProgressError: The first one has not ended within two seconds.
+        KeyOfAnotherRequestError: The key belongs to another request; nothing was carried out.
+        KeyInUseError: The first one has not ended within two seconds.
 
     Effect:
         That of `act`, or none.
@@ -86,7 +88,7 @@ def carry_out_once(act: Callable[[], Answer], *, actor: User, key: str, digest: 
     return answer
 
 
-def find_answer(*, actor: User, key: str, digest: str) -> Answer | None:
+def find_answer(*, actor: User, key: str, digest: str) -> WishAnswer | None:
     """Return what the request was answered before; None: this is the first with its key.
 
     Args:
@@ -95,13 +97,13 @@ def find_answer(*, actor: User, key: str, digest: str) -> Answer | None:
         digest: SHA-256 of the request, hex.
 
     Raises:
-        KeyReusedError: The key belongs to another request.
+        KeyOfAnotherRequestError: The key belongs to another request.
     """
     kept = KeptAnswer.objects.filter(user=actor, key_digest=_key_digest(key)).first()
     if kept is None:
         return None
     if kept.request_digest != digest:
-        raise KeyReusedError
+        raise KeyOfAnotherRequestError
     return replace(_opened(kept, key), is_replayed=True)
 
 
@@ -113,7 +115,7 @@ def _take_turn(actor: User, key: str) -> None:
             cursor.execute(_TAKE_TURN, [int.from_bytes(turn[:8], signed=True)])
     except OperationalError as error:
         if isinstance(error.__cause__, LockNotAvailable):
-            raise InProgressError from error
+            raise KeyInUseError from error
         raise
 
 
@@ -125,14 +127,14 @@ def _seal(key: str) -> Fernet:
     return Fernet(base64.urlsafe_b64encode(hashlib.sha256(f"answer {key}".encode()).digest()))
 
 
-def _sealed(answer: Answer, key: str) -> bytes:
+def _sealed(answer: WishAnswer, key: str) -> bytes:
     told = [answer.status, dict(answer.headers), answer.content.decode()]
     return _seal(key).encrypt(json.dumps(told).encode())
 
 
-def _opened(kept: KeptAnswer, key: str) -> Answer:
+def _opened(kept: KeptAnswer, key: str) -> WishAnswer:
     status, headers, content = json.loads(_seal(key).decrypt(bytes(kept.sealed)))
-    return Answer(status, content.encode(), headers)
+    return WishAnswer(status, content.encode(), headers)
 
 
 def forget_answers() -> int:

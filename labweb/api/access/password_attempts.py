@@ -40,14 +40,14 @@ _LONGEST_COOKIE = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class AttemptOrigin:
     """From where somebody signs in under a name."""
 
     keys: dict[str, int]
     """Counter in the cache → how many failures close it; the first is of name and place."""
 
     @classmethod
-    def of(cls, request: Request | HttpRequest, username: str) -> Place:
+    def of(cls, request: Request | HttpRequest, username: str) -> AttemptOrigin:
         """Return the place of a request."""
         known = _known_browser(request, username)
         if known:

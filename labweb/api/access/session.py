@@ -18,7 +18,7 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
-from labweb.api.access.password_attempts import Place, closed_words, remember
+from labweb.api.access.password_attempts import AttemptOrigin, closed_words, remember
 from labweb.api.answers.session import (
     OpenSession,
     PasswordConfirmed,
@@ -165,9 +165,9 @@ class Closed(Throttled):
         self.detail = ErrorDetail(closed_words(wait_s), "throttled")
 
 
-def _open_place(request: Request, username: str) -> Place:
+def _open_place(request: Request, username: str) -> AttemptOrigin:
     """Return from where a password is tried, unless it was wrong too often there."""
-    place = Place.of(request, username)
+    place = AttemptOrigin.of(request, username)
     wait_s = place.closed_for_s()
     if wait_s:
         raise Closed(wait_s)

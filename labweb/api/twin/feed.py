@@ -50,14 +50,14 @@ class Alive(msgspec.Struct, frozen=True, kw_only=True):
     clients_count: int = 0
 
 
-class Frame(msgspec.Struct, frozen=True):
+class FeedFrame(msgspec.Struct, frozen=True):
     """One frame of the twin: `alive` with its data, or `snapshot` to ask for one."""
 
     kind: str
     data: Alive | None = None
 
 
-_decoder = msgspec.json.Decoder(Frame)
+_decoder = msgspec.json.Decoder(FeedFrame)
 
 
 def keep_alive(alive: Alive) -> None:

@@ -75,7 +75,7 @@ _PATH = re.compile(r"(?:(?P<theme>light|dark)(?:/|$))?(?P<file>[A-Za-z0-9_-][A-Z
 _PASSED = ("content-type", "content-encoding", "content-length")
 
 
-class Twin(Endpoint):
+class TwinProxy(Endpoint):
     """Whether there is a twin, and where."""
 
     def get(self, request: Request) -> TwinState:

@@ -106,7 +106,7 @@ class Lane:
         return self._inside[name] >= self.room.most_of_one
 
 
-class Ticket:
+class LaneTicket:
     """A place that is held until its thread is through, whoever stops waiting for the answer.
 
     A request whose client has gone is given up by the event loop at once, while its thread goes

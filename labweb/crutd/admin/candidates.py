@@ -156,7 +156,7 @@ def _carry_out(request: HttpRequest, candidate_id: UUID) -> Device | None:
     return None
 
 
-def _wanted(request: HttpRequest) -> services.Wanted:
+def _wanted(request: HttpRequest) -> services.WantedDevice:
     try:
         config = json.loads(request.POST.get("config", "").strip() or "{}")
     except (ValueError, RecursionError) as error:
@@ -164,7 +164,7 @@ def _wanted(request: HttpRequest) -> services.Wanted:
     if not isinstance(config, dict):
         raise DefinitionError("the settings are no JSON object", code="candidate.config")
     role, node = request.POST.get("role", "").strip(), request.POST.get("node", "").strip()
-    return services.Wanted(
+    return services.WantedDevice(
         name=request.POST.get("name", "").strip(),
         driver_digest=request.POST.get("driver", ""),
         transport=request.POST.get("transport", ""),

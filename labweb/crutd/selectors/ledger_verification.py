@@ -27,7 +27,7 @@ WITH side AS (
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class LedgerCheck:
     """One question to the rows; each row of the answer is a violation."""
 
     code: str
@@ -38,7 +38,7 @@ class Check:
 
 
 CHECKS = (
-    Check(
+    LedgerCheck(
         code="ledger.unbalanced",
         reads_entries=True,
         sql="""
@@ -52,7 +52,7 @@ CHECKS = (
         """,
         message="lot {subject}: all accounts together are over by {nl} nL and {ug} µg",
     ),
-    Check(
+    LedgerCheck(
         code="ledger.holding_differs",
         reads_entries=True,
         sql="""
@@ -75,7 +75,7 @@ CHECKS = (
             "the entries {told_nl} nL, {told_ug} µg"
         ),
     ),
-    Check(
+    LedgerCheck(
         code="ledger.balance_differs",
         reads_entries=True,
         sql="""
@@ -110,7 +110,7 @@ CHECKS = (
             "entries say ({told_nl} nL posted)"
         ),
     ),
-    Check(
+    LedgerCheck(
         code="ledger.overdrawn",
         sql="""
         SELECT b.resource_id AS subject, b.posted_nl AS nl, b.pending_out_nl AS out_nl
@@ -122,7 +122,7 @@ CHECKS = (
         """,
         message="vessel {subject} holds {nl} nL and has promised {out_nl} nL",
     ),
-    Check(
+    LedgerCheck(
         code="ledger.overfull",
         sql="""
         SELECT b.resource_id AS subject, b.posted_nl + b.pending_in_nl AS nl,
@@ -133,7 +133,7 @@ CHECKS = (
         """,
         message="vessel {subject} holds or awaits {nl} nL and {ug} µg, more than its capacity",
     ),
-    Check(
+    LedgerCheck(
         code="ledger.unit",
         sql="""
         SELECT e.id AS subject, l.phase, l.id AS lot FROM crutd_entry e
@@ -143,7 +143,7 @@ CHECKS = (
         """,
         message="entry {subject} is not in the unit of lot {lot}, a {phase}",
     ),
-    Check(
+    LedgerCheck(
         code="ledger.pending_left",
         sql="""
         SELECT e.transaction_id AS subject, t.state, min(e.id) AS entry FROM crutd_entry e
@@ -156,7 +156,7 @@ CHECKS = (
         """,
         message="transaction {subject} is {state} and its entry {entry} still reserves an amount",
     ),
-    Check(
+    LedgerCheck(
         code="ledger.lock_left",
         sql="""
         SELECT k.id AS subject, k.resource_id AS resource, t.id AS transaction, t.state
@@ -166,7 +166,7 @@ CHECKS = (
         """,
         message="lock {subject} on {resource} is held by {transaction}, which is {state}",
     ),
-    Check(
+    LedgerCheck(
         code="ledger.double_lock",
         sql="""
         SELECT k.id AS subject, k.resource_id AS resource, count(*) AS holders
@@ -186,7 +186,7 @@ def ledger_violations(lab: Lab) -> list[Finding]:
     return [finding for check in CHECKS for finding in _ask(check, lab.id)]
 
 
-def _ask(check: Check, lab_id: UUID) -> Iterator[Finding]:
+def _ask(check: LedgerCheck, lab_id: UUID) -> Iterator[Finding]:
     with connection.cursor() as cursor:
         question = _ENTRIES + check.sql if check.reads_entries else check.sql
         cursor.execute(question, {"lab": lab_id})

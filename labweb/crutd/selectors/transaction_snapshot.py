@@ -24,7 +24,7 @@ _SIZE = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class LabMoment:
     """A lab just after an event."""
 
     lab: Lab
@@ -63,7 +63,7 @@ class Moment:
         return Page(kept, page.unread)
 
 
-def moment_after(lab: Lab, transaction_id: UUID) -> Moment | None:
+def moment_after(lab: Lab, transaction_id: UUID) -> LabMoment | None:
     """Return the lab just after the last event of a transaction; None when it has none.
 
     Raises:
@@ -73,10 +73,10 @@ def moment_after(lab: Lab, transaction_id: UUID) -> Moment | None:
     if event is None:
         return None
     replay = replayed_to(lab, event.at, event.seq)
-    return None if replay is None else Moment(lab, event.at, replay)
+    return None if replay is None else LabMoment(lab, event.at, replay)
 
 
-def lots_told(moment: Moment, vessels: Collection[UUID], lots: dict[str, Any]) -> Iterator[Any]:
+def lots_told(moment: LabMoment, vessels: Collection[UUID], lots: dict[str, Any]) -> Iterator[Any]:
     """Yield what vessels held, lot by lot, as plain data."""
     for vessel in vessels:
         for lot_id, amount in sorted(moment.held(vessel).items()):

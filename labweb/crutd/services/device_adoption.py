@@ -32,7 +32,7 @@ from labweb.domain.resources.resource import Resource as ResourceData
 from labweb.domain.resources.resource_kinds import KINDS
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device
-from labweb.enrollment.services import Wanted
+from labweb.enrollment.services import WantedDevice
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors.occupants import places_of
@@ -40,7 +40,7 @@ from labweb.resources.selectors.occupants import places_of
 
 def adopt_candidate(
     candidate_id: UUID,
-    wanted: Wanted,
+    wanted: WantedDevice,
     *,
     parent_id: UUID | None,
     typed: str,
@@ -79,7 +79,9 @@ def adopt_candidate(
 
 
 @atomic
-def _adopt(candidate_id: UUID, wanted: Wanted, parent_id: UUID, reason: str, actor: User) -> Device:
+def _adopt(
+    candidate_id: UUID, wanted: WantedDevice, parent_id: UUID, reason: str, actor: User
+) -> Device:
     device = enrollment_services.take_up_compared(candidate_id, wanted, reason=reason, actor=actor)
     if device.nodes or wanted.nodes:
         text = f"{device.name} acts through resources already: they stay, or choose none of them"

@@ -25,7 +25,7 @@ from labweb.resources.selectors import Connection, Resource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wish:
+class RefitWish:
     """An operation, and through what the device acts once it is done."""
 
     operation: Refit
@@ -65,7 +65,7 @@ def refit_device(device: Device, version: DriverVersion, *, actor_id: UUID, note
     enrollment_services.give_parts(device, wish.nodes, past=wish.gone)
 
 
-def _wish(device: Device, version: DriverVersion) -> Wish | None:
+def _wish(device: Device, version: DriverVersion) -> RefitWish | None:
     old, new = (msgspec.convert(one.spec, DriverSpec) for one in (device.driver, version))
     changes = find_changes(old, new, device.config, key=device.key, name=device.name)
     if not device.nodes or not changes:
@@ -96,7 +96,7 @@ class _Fitting:
                 return UUID(self.device.nodes[role])
         return uuid5(self.device.id, part.key) if part.inside else None
 
-    def wish(self) -> Wish:
+    def wish(self) -> RefitWish:
         """Return the operation.
 
         Raises:
@@ -133,7 +133,7 @@ class _Fitting:
             for role in part.roles
             if part.key in self.rows
         }
-        return Wish(operation=operation, nodes=nodes, gone=past)
+        return RefitWish(operation=operation, nodes=nodes, gone=past)
 
     def _check_known(self) -> None:
         """Refuse where the device cannot tell its own parts from what others drew."""

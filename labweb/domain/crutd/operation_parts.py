@@ -28,7 +28,7 @@ class Portion(msgspec.Struct, frozen=True, kw_only=True):
     amount_ug: Amount = 0
 
 
-class Share(msgspec.Struct, frozen=True, kw_only=True):
+class ReactantShare(msgspec.Struct, frozen=True, kw_only=True):
     """What a reaction consumed of one lot: in the unit that the lot is counted in."""
 
     lot_id: UUID

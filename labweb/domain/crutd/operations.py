@@ -17,7 +17,7 @@ from labweb.domain.crutd.operation_parts import Joint as Joint
 from labweb.domain.crutd.operation_parts import Name as Name
 from labweb.domain.crutd.operation_parts import Portion as Portion
 from labweb.domain.crutd.operation_parts import Product as Product
-from labweb.domain.crutd.operation_parts import Share as Share
+from labweb.domain.crutd.operation_parts import ReactantShare as ReactantShare
 from labweb.domain.crutd.operation_parts import Text as Text
 from labweb.domain.resources.contents import Phase
 
@@ -196,7 +196,7 @@ class React(msgspec.Struct, frozen=True, tag="react", tag_field="op", kw_only=Tr
     """
 
     resource_id: UUID
-    reactants: Annotated[tuple[Share, ...], Meta(min_length=1, max_length=100)]
+    reactants: Annotated[tuple[ReactantShare, ...], Meta(min_length=1, max_length=100)]
     products: Annotated[tuple[Product, ...], Meta(min_length=1, max_length=100)]
     reason: Text
     residue_ug: Amount = 0

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from labweb.domain.crutd.ledger import Account, Posting, posted
-from labweb.domain.crutd.operations import Product, React, Share
+from labweb.domain.crutd.operations import Product, React, ReactantShare
 from labweb.domain.crutd.receive_correct_dispose import check_room
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
@@ -58,7 +58,9 @@ def _check_said(operation: React, state: ResourceState) -> Iterator[Finding]:
         yield Finding("crutd.same_lot", "two products have one key", state.name)
 
 
-def _check_share(share: Share, state: ResourceState, facts: Facts | None) -> Iterator[Finding]:
+def _check_share(
+    share: ReactantShare, state: ResourceState, facts: Facts | None
+) -> Iterator[Finding]:
     lot = LotId(str(share.lot_id))
     context = {"lot_id": lot, "resource_id": str(state.id)}
     is_liquid = lot in state.contents
@@ -82,7 +84,7 @@ def _check_share(share: Share, state: ResourceState, facts: Facts | None) -> Ite
         yield Finding(code, text, state.name, context)
 
 
-def _in_unit(one: Share | Product, phase: Phase) -> tuple[int, int]:
+def _in_unit(one: ReactantShare | Product, phase: Phase) -> tuple[int, int]:
     """Return the amount in the unit of a phase, and the one in the other unit."""
     amounts = (one.amount_nl, one.amount_ug)
     return amounts if phase is Phase.LIQUID else (amounts[1], amounts[0])
@@ -125,7 +127,7 @@ def _check_products_fit(operation: React, state: ResourceState) -> Iterator[Find
         yield from check_room(left, mass, Phase.SOLID)
 
 
-def _without(held: Contents, shares: Sequence[Share]) -> dict[LotId, int]:
+def _without(held: Contents, shares: Sequence[ReactantShare]) -> dict[LotId, int]:
     left = dict(held)
     for share in shares:
         lot = LotId(str(share.lot_id))
@@ -165,7 +167,7 @@ def _check_mass(operation: React, state: ResourceState, facts: Facts) -> Iterato
     )
 
 
-def mass_of(one: Share | Product, density_mg_ul: float | None) -> int | None:
+def mass_of(one: ReactantShare | Product, density_mg_ul: float | None) -> int | None:
     """Return the mass of an amount in whole micrograms; None: nobody can tell.
 
     A density in mg/µL is the same figure in µg/nL. What was weighed counts only where no density

@@ -204,7 +204,7 @@ class Release(msgspec.Struct, frozen=True, tag="release", tag_field="t", kw_only
     v: int = PROTOCOL_VERSION
 
 
-class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only=True):
+class ReceiveCommand(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only=True):
     """Take a resource over, with all that stands in it, that is here or fetched from there."""
 
     host_id: UUID
@@ -236,7 +236,7 @@ class HostBatch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only
     v: int = PROTOCOL_VERSION
 
 
-Command = Do | Cancel | Resolve | Reset | Halt | HostBatch | Release | Receive
+Command = Do | Cancel | Resolve | Reset | Halt | HostBatch | Release | ReceiveCommand
 
 
 class Nudge(msgspec.Struct, frozen=True, tag="nudge", tag_field="t", kw_only=True):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from labweb.domain.messages import plan_fields as words
 from labweb.domain.proof.device_abilities import devices_at, vessels_of
 from labweb.domain.proof.dissolved_solids import take_stated
-from labweb.domain.proof.lot_amount_ranges import Contents, Range
+from labweb.domain.proof.lot_amount_ranges import AmountRange, Contents
 from labweb.domain.proof.plan_read import Action, mass_units, units
 from labweb.domain.proof.plan_state import (
     REMOVED,
@@ -280,9 +280,9 @@ def _become(state: State, action: Action) -> None:
     state.see_there(given.vessel, takes)
     state.held(given.vessel).take_lots(takes)
     take_stated(state, given.vessel, Contents(), given.takes_ug)
-    made = {lot: Range.exactly(amount) for lot, amount in gives.items()}
-    solids = {lot: Range.exactly(mass_units(ug)) for lot, ug in given.gives_ug.items()}
-    volume = Range.exactly(sum(gives.values()))
+    made = {lot: AmountRange.exactly(amount) for lot, amount in gives.items()}
+    solids = {lot: AmountRange.exactly(mass_units(ug)) for lot, ug in given.gives_ug.items()}
+    volume = AmountRange.exactly(sum(gives.values()))
     state.mix_in(ends[-1], Contents(made, solids, volume))
     value = (dict(given.takes), dict(given.gives), given.takes_ug, given.gives_ug, given.to)
     state.record.effects.append(ProofEffect("become", action.device, (given.vessel,), value))
@@ -308,7 +308,7 @@ def _by_hand(state: State, action: Action) -> None:
     value, lot = 0, ""
     if isinstance(parameters, words.HandFill):
         value, lot = units(parameters.volume_ul), parameters.lot
-        amount = Range.exactly(value)
+        amount = AmountRange.exactly(value)
         state.mix_in(vessel, Contents({lot: amount}, {}, amount))
     elif isinstance(parameters, words.HandSolid):
         value, lot = _solid(state, parameters), parameters.lot
@@ -345,6 +345,6 @@ def _check(state: State, device: str, parameters: words.HandCheck) -> None:
 
 def _solid(state: State, parameters: words.HandSolid) -> int:
     value = mass_units(parameters.mass_ug)
-    more = Contents({}, {parameters.lot: Range.exactly(value)})
+    more = Contents({}, {parameters.lot: AmountRange.exactly(value)})
     state.held(parameters.vessel).add(more)
     return value

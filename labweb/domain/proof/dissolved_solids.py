@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from labweb.domain.graph.elements import ElementRole
 from labweb.domain.messages.step_claims import Claim
 from labweb.domain.proof.gas_and_vacuum import Before, fail
-from labweb.domain.proof.lot_amount_ranges import NOTHING, UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import NOTHING, UNITS_PER_NL, AmountRange, Contents
 from labweb.domain.proof.plan_read import mass_units
 from labweb.domain.proof.plan_state import TOLERANCE, State
 
@@ -31,8 +31,8 @@ def take_stated(state: State, key: str, taken: Contents, stated: Mapping[str, fl
             )
             state.complain("interpret.not_there", message, vessel=key)
         part = min(wanted, there.least)
-        held.solids[lot] = Range(there.least - part, there.most - part)
-        taken.solids[lot] = taken.solids.get(lot, NOTHING) + Range.exactly(part)
+        held.solids[lot] = AmountRange(there.least - part, there.most - part)
+        taken.solids[lot] = taken.solids.get(lot, NOTHING) + AmountRange.exactly(part)
     held.solids = {lot: amount for lot, amount in held.solids.items() if amount.most}
 
 
@@ -87,7 +87,7 @@ def check_stays(state: State, claim: Claim, before: Before) -> None:
             fail(state, f"solids leave {vessel}")
 
 
-def _compare(state: State, what: str, found: Range, asked: int, verb: str) -> None:
+def _compare(state: State, what: str, found: AmountRange, asked: int, verb: str) -> None:
     if abs(found.least - asked) > TOLERANCE or abs(found.most - asked) > TOLERANCE:
         grams = f"{found.most / UNITS_PER_NL:g} µg {verb}, not {asked / UNITS_PER_NL:g} µg"
         fail(state, f"{what} {grams}")

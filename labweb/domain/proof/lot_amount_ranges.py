@@ -10,14 +10,14 @@ UNITS_PER_NL = 10**6
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
+class AmountRange:
     """An amount between two ends, in units."""
 
     least: int
     most: int
 
     @classmethod
-    def exactly(cls, amount: int) -> Range:
+    def exactly(cls, amount: int) -> AmountRange:
         """Return an amount that is known."""
         return cls(amount, amount)
 
@@ -26,20 +26,20 @@ class Range:
         """Tell whether both ends are one."""
         return self.least == self.most
 
-    def __add__(self, other: Range) -> Range:
-        return Range(self.least + other.least, self.most + other.most)
+    def __add__(self, other: AmountRange) -> AmountRange:
+        return AmountRange(self.least + other.least, self.most + other.most)
 
 
-NOTHING = Range(0, 0)
+NOTHING = AmountRange(0, 0)
 
 
 @dataclass(slots=True)
 class Contents:
     """What one place holds. The volume is kept beside the lots: it is often known better."""
 
-    liquids: dict[str, Range] = field(default_factory=dict)
-    solids: dict[str, Range] = field(default_factory=dict)
-    volume: Range = NOTHING
+    liquids: dict[str, AmountRange] = field(default_factory=dict)
+    solids: dict[str, AmountRange] = field(default_factory=dict)
+    volume: AmountRange = NOTHING
     is_layered: bool = False
     """It was spun: what is drawn of it holds nobody knows which share of each lot."""
 
@@ -67,7 +67,7 @@ class Contents:
 
     def find_at_least(self, volume: int) -> None:
         """Note that a person has seen at least `volume`, which is no more than there can be."""
-        self.volume = Range(max(self.volume.least, volume), self.volume.most)
+        self.volume = AmountRange(max(self.volume.least, volume), self.volume.most)
         self._tighten()
 
     def take_everything(self, *, with_solids: bool = True) -> Contents:
@@ -81,13 +81,16 @@ class Contents:
     def span(self, other: Contents) -> Contents:
         """Return what there is when it is this or the other."""
 
-        def both(one: dict[str, Range], two: dict[str, Range]) -> dict[str, Range]:
+        def both(
+            one: dict[str, AmountRange], two: dict[str, AmountRange]
+        ) -> dict[str, AmountRange]:
             pairs = {lot: (one.get(lot, NOTHING), two.get(lot, NOTHING)) for lot in one | two}
             return {
-                k: Range(min(a.least, b.least), max(a.most, b.most)) for k, (a, b) in pairs.items()
+                k: AmountRange(min(a.least, b.least), max(a.most, b.most))
+                for k, (a, b) in pairs.items()
             }
 
-        volume = Range(
+        volume = AmountRange(
             min(self.volume.least, other.volume.least), max(self.volume.most, other.volume.most)
         )
         liquids, solids = both(self.liquids, other.liquids), both(self.solids, other.solids)
@@ -99,14 +102,14 @@ class Contents:
             return self.take_everything(with_solids=with_solids)
         if self.is_known:
             return self._take_share(volume, with_solids=with_solids)
-        drawn = Range(min(volume, self.volume.least), volume)
-        rest = Range(max(0, self.volume.least - volume), self.volume.most - volume)
+        drawn = AmountRange(min(volume, self.volume.least), volume)
+        rest = AmountRange(max(0, self.volume.least - volume), self.volume.most - volume)
         return self._take_unknown(volume, drawn, rest, with_solids=with_solids)
 
     def take_lower_phase(self, volume: int) -> Contents:
         """Take up to `volume` of a lower phase of unknown size; every lot may be in either."""
-        drawn = Range(0, min(volume, self.volume.most))
-        rest = Range(max(0, self.volume.least - volume), self.volume.most)
+        drawn = AmountRange(0, min(volume, self.volume.most))
+        rest = AmountRange(max(0, self.volume.least - volume), self.volume.most)
         return self._take_unknown(volume, drawn, rest, with_solids=True)
 
     def take_lots(self, parts: Mapping[str, int]) -> Contents:
@@ -117,34 +120,34 @@ class Contents:
         volume = sum(taken.values())
         for lot, amount in taken.items():
             held = self.liquids.get(lot, NOTHING)
-            self.liquids[lot] = Range(held.least - amount, held.most - amount)
+            self.liquids[lot] = AmountRange(held.least - amount, held.most - amount)
         self.liquids = {lot: held for lot, held in self.liquids.items() if held.most}
-        self.volume = Range(max(0, self.volume.least - volume), self.volume.most - volume)
+        self.volume = AmountRange(max(0, self.volume.least - volume), self.volume.most - volume)
         self._tighten()
-        exact = {lot: Range.exactly(amount) for lot, amount in taken.items()}
-        return Contents(exact, {}, Range.exactly(volume))
+        exact = {lot: AmountRange.exactly(amount) for lot, amount in taken.items()}
+        return Contents(exact, {}, AmountRange.exactly(volume))
 
     def keep_within(self, limit: Contents) -> None:
         """Note that there is of no lot more than in `limit`."""
         for own, bound in ((self.liquids, limit.liquids), (self.solids, limit.solids)):
             for lot, amount in own.items():
                 most = min(amount.most, bound.get(lot, NOTHING).most)
-                own[lot] = Range(min(amount.least, most), most)
+                own[lot] = AmountRange(min(amount.least, most), most)
         self._tighten()
 
     def keep_at_least(self, least: Mapping[str, int]) -> None:
         """Note that there is of no lot less than so much, which is no more than there can be."""
         for lot, amount in least.items():
             held = self.liquids[lot]
-            self.liquids[lot] = Range(max(held.least, min(amount, held.most)), held.most)
+            self.liquids[lot] = AmountRange(max(held.least, min(amount, held.most)), held.most)
         self._tighten()
 
     def let_go(self) -> Contents:
         """Let an unknown part of the liquid leave, as by boiling, and return that part."""
         gone = Contents(
-            {lot: Range(0, amount.most) for lot, amount in self.liquids.items()},
+            {lot: AmountRange(0, amount.most) for lot, amount in self.liquids.items()},
             {},
-            Range(0, self.volume.most),
+            AmountRange(0, self.volume.most),
         )
         self.liquids = dict(gone.liquids)
         self.volume = gone.volume
@@ -158,29 +161,32 @@ class Contents:
             more = min(missing, held.most - taken[lot])
             taken[lot] += more
             missing -= more
-        solids: dict[str, Range] = {}
+        solids: dict[str, AmountRange] = {}
         if with_solids:
             for lot, held in self.solids.items():
-                share = Range(held.least * volume // whole, held.most * volume // whole)
+                share = AmountRange(held.least * volume // whole, held.most * volume // whole)
                 solids[lot] = share
-                self.solids[lot] = Range(held.least - share.least, held.most - share.most)
+                self.solids[lot] = AmountRange(held.least - share.least, held.most - share.most)
         self.liquids = {
-            lot: Range.exactly(held.most - taken[lot]) for lot, held in self.liquids.items()
+            lot: AmountRange.exactly(held.most - taken[lot]) for lot, held in self.liquids.items()
         }
-        self.volume = Range.exactly(whole - volume)
-        share_of_liquids = {lot: Range.exactly(amount) for lot, amount in taken.items()}
-        return Contents(share_of_liquids, solids, Range.exactly(volume))
+        self.volume = AmountRange.exactly(whole - volume)
+        share_of_liquids = {lot: AmountRange.exactly(amount) for lot, amount in taken.items()}
+        return Contents(share_of_liquids, solids, AmountRange.exactly(volume))
 
     def _take_unknown(
-        self, volume: int, drawn: Range, rest: Range, *, with_solids: bool
+        self, volume: int, drawn: AmountRange, rest: AmountRange, *, with_solids: bool
     ) -> Contents:
         taken = Contents(
-            {lot: Range(0, min(volume, held.most)) for lot, held in self.liquids.items()},
-            {lot: Range(0, held.most) for lot, held in self.solids.items()} if with_solids else {},
+            {lot: AmountRange(0, min(volume, held.most)) for lot, held in self.liquids.items()},
+            {lot: AmountRange(0, held.most) for lot, held in self.solids.items()}
+            if with_solids
+            else {},
             drawn,
         )
         self.liquids = {
-            lot: Range(max(0, held.least - volume), held.most) for lot, held in self.liquids.items()
+            lot: AmountRange(max(0, held.least - volume), held.most)
+            for lot, held in self.liquids.items()
         }
         if with_solids:
             self.solids = dict(taken.solids)
@@ -193,9 +199,9 @@ class Contents:
         """Draw the ends together where volume and lots know more than each alone."""
         least = sum(amount.least for amount in self.liquids.values())
         most = sum(amount.most for amount in self.liquids.values())
-        self.volume = Range(max(self.volume.least, least), min(self.volume.most, most))
+        self.volume = AmountRange(max(self.volume.least, least), min(self.volume.most, most))
         self.liquids = {
-            lot: Range(
+            lot: AmountRange(
                 max(amount.least, self.volume.least - (most - amount.most)),
                 min(amount.most, self.volume.most - (least - amount.least)),
             )

@@ -27,7 +27,7 @@ from labweb.domain.messages.plan_fields import (
     Totals,
 )
 from labweb.domain.messages.step_claims import CLAIMS, Claim
-from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, AmountRange, Contents
 
 MOST_ACTIONS = 1_000_000
 """Most actions of a plan that are executed."""
@@ -215,10 +215,10 @@ class _Reader:
                 self._shape(f"{subject}: {lot.lot} is a {lot.phase} without its amount", subject)
                 continue
             if lot.phase == "liquid":
-                part = Range.exactly(self.amount(amount, subject))
+                part = AmountRange.exactly(self.amount(amount, subject))
                 held.add(Contents({lot.lot: part}, {}, part))
             else:
-                part = Range.exactly(self.mass(amount, subject))
+                part = AmountRange.exactly(self.mass(amount, subject))
                 held.add(Contents({}, {lot.lot: part}))
         return held
 

@@ -9,7 +9,7 @@ from labweb.domain.errors import Finding
 from labweb.domain.messages import plan_fields as words
 from labweb.domain.proof.device_abilities import pumps_of
 from labweb.domain.proof.incompatible_liquids import Reactivity
-from labweb.domain.proof.lot_amount_ranges import NOTHING, UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import NOTHING, UNITS_PER_NL, AmountRange, Contents
 from labweb.domain.proof.plumbing import COLLECT, End, Plumbing, Stands
 
 LOST, REMOVED = "@lost", "@removed"
@@ -51,11 +51,11 @@ class Flow:
 
     source: End
     target: End
-    volume: Range
+    volume: AmountRange
     nominal: int
     passed: tuple[str, ...]
-    liquids: Mapping[str, Range]
-    solids: Mapping[str, Range]
+    liquids: Mapping[str, AmountRange]
+    solids: Mapping[str, AmountRange]
     is_gas: bool
 
 

@@ -10,7 +10,7 @@ from labweb.domain.graph.lab_file.untrusted_json import decode_json
 from labweb.domain.messages.plan_fields import TIMER
 from labweb.domain.messages.step_claims import Claim
 from labweb.domain.proof.execute_plan import execute_alone
-from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, AmountRange, Contents
 from labweb.domain.proof.plan_read import Action, ProofStep, parse_groups
 from labweb.domain.proof.plumbing import Plumbing
 from labweb.domain.units import parse, parse_volume_nl
@@ -102,7 +102,7 @@ def _execute(
 ) -> list[Finding]:
     source = str(asked["from"])
     is_gas = plumbing.is_gas(source)
-    twice = Range.exactly(2 * volume_nl * UNITS_PER_NL)
+    twice = AmountRange.exactly(2 * volume_nl * UNITS_PER_NL)
     claim = Claim(
         kind="push" if is_gas else "transfer",
         from_=source,

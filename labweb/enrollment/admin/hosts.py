@@ -55,7 +55,7 @@ class HostCertificates(ReadOnly):
 
 
 @admin.register(JoinToken)
-class JoinTokens(ReadOnly):
+class JoinTokensAdmin(ReadOnly):
     """Leave for one machine to ask, once."""
 
     nothing = "No token yet. A new token lets one machine ask once to join as a host."
@@ -112,7 +112,7 @@ def _minutes(text: str) -> float:
 
 
 @admin.register(JoinRequest)
-class JoinRequests(Reviewed):
+class JoinRequestsAdmin(Reviewed):
     """Machines that ask to become hosts."""
 
     nothing = "No machine asks to join. A machine that was given a join token stands here."

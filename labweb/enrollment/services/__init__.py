@@ -10,7 +10,7 @@ from labweb.enrollment.services.devices import (
     suspend_device,
 )
 from labweb.enrollment.services.discovery import (
-    Wanted,
+    WantedDevice,
     compare_code,
     give_parts,
     set_candidate_aside,
@@ -73,7 +73,7 @@ from labweb.enrollment.services.sightings import take_sightings
 __all__ = [
     "CatalogDriver",
     "Decided",
-    "Wanted",
+    "WantedDevice",
     "acknowledge_stop",
     "add_host",
     "admit_device",

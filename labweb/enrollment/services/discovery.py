@@ -121,7 +121,7 @@ def hold_candidate(row: Candidate) -> Candidate:
     return next(one for one in locked if one.pk == row.pk)
 
 
-class Wanted(msgspec.Struct, frozen=True, kw_only=True):
+class WantedDevice(msgspec.Struct, frozen=True, kw_only=True):
     """What a person says of a candidate: which device it is, and where."""
 
     name: str
@@ -137,7 +137,9 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     """What stands on the thing itself."""
 
 
-def take_up(candidate_id: UUID, wanted: Wanted, *, typed: str, reason: str, actor: User) -> Device:
+def take_up(
+    candidate_id: UUID, wanted: WantedDevice, *, typed: str, reason: str, actor: User
+) -> Device:
     """Make a device of a candidate, to be reviewed: it may do nothing before it is admitted.
 
     Args:
@@ -191,7 +193,9 @@ def compare_code(candidate_id: UUID, *, typed: str, reason: str, actor: User) ->
 
 
 @atomic
-def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: User) -> Device:
+def take_up_compared(
+    candidate_id: UUID, wanted: WantedDevice, *, reason: str, actor: User
+) -> Device:
     """Make a device of a candidate whose code was compared; as `take_up`, and raises as it."""
     row = _open_candidate(candidate_id, actor, reason)
     said = selectors.rejection_of(row.lab_id, selectors.shared_mark(row))
@@ -233,7 +237,7 @@ def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: 
     return device
 
 
-def _refuse_unkept(wanted: Wanted) -> None:
+def _refuse_unkept(wanted: WantedDevice) -> None:
     """Refuse what no record can hold, and a name that nobody can tell from another."""
     config = json.dumps(wanted.config)
     if not is_text(wanted.driver_digest, wanted.label) or "\\u0000" in config:

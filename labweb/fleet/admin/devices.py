@@ -41,7 +41,7 @@ _LOOK_AGAIN_S = 2
 
 
 @admin.register(Device)
-class Devices(Reviewed):
+class DevicesAdmin(Reviewed):
     """Instruments, found and admitted."""
 
     nothing = "No device yet. A device of the lab's file or a discovered one stands here."

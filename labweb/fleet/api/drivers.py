@@ -265,7 +265,7 @@ class DriverDevices(Endpoint):
             selectors.visible_device(one.device_id, user)
         devices = driver_replacement.replace_drivers(
             approved_id,
-            [driver_replacement.Given(one.device_id, one.parts) for one in wanted.devices],
+            [driver_replacement.GivenDriver(one.device_id, one.parts) for one in wanted.devices],
             actor=user,
             reason=wanted.reason,
         )

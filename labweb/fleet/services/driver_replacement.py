@@ -95,7 +95,7 @@ def replace_driver(
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class GivenDriver:
     """A device that is to have a version."""
 
     device_id: UUID
@@ -105,7 +105,7 @@ class Given:
 
 @atomic
 def replace_drivers(
-    version_id: UUID, given: Sequence[Given], *, actor: User, reason: str
+    version_id: UUID, given: Sequence[GivenDriver], *, actor: User, reason: str
 ) -> list[Device]:
     """Say that devices shall have a version of their driver: all of them, or none.
 

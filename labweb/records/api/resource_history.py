@@ -16,7 +16,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 
 
-class OneResource(crutd_api.OneResource):
+class ResourceWithRuns(crutd_api.OneResource):
     """One resource."""
 
     def get(self, request: Request, resource_id: UUID) -> ResourceDetail:
@@ -26,7 +26,7 @@ class OneResource(crutd_api.OneResource):
         return answer
 
 
-class ResourceEvents(crutd_api.ResourceEvents):
+class ResourceEventsWithRuns(crutd_api.ResourceEvents):
     """What happened to one resource."""
 
     def get(self, request: Request, resource_id: UUID) -> EventList:

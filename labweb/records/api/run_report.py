@@ -23,7 +23,7 @@ from labweb.records.answers.run_report import (
     UnconfirmedJob,
 )
 from labweb.records.api.files import render_reading
-from labweb.records.selectors.run_report import Report, report_of
+from labweb.records.selectors.run_report import RunFacts, report_of
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.api.runs import visible
 
@@ -72,11 +72,11 @@ class ReportOfRun(Endpoint):
         )
 
 
-def _all(report: Report) -> tuple[AccountChange, ...]:
+def _all(report: RunFacts) -> tuple[AccountChange, ...]:
     return (*report.balance.taken, *report.balance.brought)
 
 
-def _change(change: AccountChange, report: Report, names: Mapping[UUID, str]) -> MassAccount:
+def _change(change: AccountChange, report: RunFacts, names: Mapping[UUID, str]) -> MassAccount:
     nominal = is_nominal(change.account)
     vessel = None if nominal else UUID(change.account)
     return MassAccount(
@@ -91,7 +91,7 @@ def _change(change: AccountChange, report: Report, names: Mapping[UUID, str]) ->
     )
 
 
-def _yield(one: Yield, report: Report, names: Mapping[UUID, str]) -> ProductYield:
+def _yield(one: Yield, report: RunFacts, names: Mapping[UUID, str]) -> ProductYield:
     def name(lot: LotId) -> str:
         return str(report.lots[lot])
 

@@ -9,7 +9,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.crutd.selectors import lineage
-from labweb.crutd.selectors.transaction_snapshot import Moment, lots_told, moment_after
+from labweb.crutd.selectors.transaction_snapshot import LabMoment, lots_told, moment_after
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.provenance.graph_from_record import reported
 from labweb.domain.crutd.provenance.ledger_flows import is_nominal
@@ -27,7 +27,7 @@ _NO_REACTORS = frozenset({"waste", "syringe_pump", "pipette_channel", "tip"})
 
 
 @dataclass(frozen=True, slots=True)
-class Value:
+class DatasetValue:
     """One reading, or one value that a device reported, with its lineage."""
 
     lineage: dict[str, Any]
@@ -36,7 +36,7 @@ class Value:
     """The reading whose points follow; None for a single value."""
 
 
-def values_of(run: Run) -> Iterator[Value]:
+def values_of(run: Run) -> Iterator[DatasetValue]:
     """Yield every value that the jobs of a run measured, in the order of the jobs.
 
     Raises:
@@ -62,7 +62,7 @@ class _Source:
     lots: dict[str, Any]
 
 
-def _values(source: _Source, told: dict[str, Any], found: list[Reading]) -> Iterator[Value]:
+def _values(source: _Source, told: dict[str, Any], found: list[Reading]) -> Iterator[DatasetValue]:
     attempt = selectors.last_attempt(source.job)
     lab = source.run.lab
     moment = None if attempt is None else moment_after(lab, attempt.transaction_id)
@@ -72,14 +72,14 @@ def _values(source: _Source, told: dict[str, Any], found: list[Reading]) -> Iter
         source, moment, touched | enrollment_selectors.node_ids(source.job.device)
     )
     for name, value in sorted(told.items()):
-        yield Value(here, _reported(source.job, name, value))
+        yield DatasetValue(here, _reported(source.job, name, value))
     by_subject: dict[UUID | None, dict[str, Any]] = {None: here}
     for reading in found:
         subject = reading.resource_id
         if subject not in by_subject and subject is not None:
             by_subject[subject] = base | _matter(source, moment, {subject})
         origin = by_subject[subject]
-        yield Value(origin, _measured(reading), None if reading.series is None else reading)
+        yield DatasetValue(origin, _measured(reading), None if reading.series is None else reading)
 
 
 def _act(source: _Source) -> dict[str, Any]:
@@ -131,7 +131,7 @@ def _other(value: object) -> bool:
     return isinstance(value, bool) or not isinstance(value, int | float)
 
 
-def _matter(source: _Source, moment: Moment | None, subjects: set[UUID]) -> dict[str, Any]:
+def _matter(source: _Source, moment: LabMoment | None, subjects: set[UUID]) -> dict[str, Any]:
     """Return in which vessels the matter was, of which lots, and through which it had come."""
     if moment is None:
         return {"is_lineage_whole": False, "vessels": [], "lots": [], "came_through": []}
@@ -176,13 +176,13 @@ def _measured(reading: Reading) -> dict[str, Any]:
     }
 
 
-def end_of(run: Run) -> Moment | None:
+def end_of(run: Run) -> LabMoment | None:
     """Return the lab after the last event of a run; None when it did nothing."""
     newest = Attempt.objects.filter(job__run=run).order_by("-at", "-dseq").first()
     return None if newest is None else moment_after(run.lab, newest.transaction_id)
 
 
-def made_in(run: Run, moment: Moment) -> list[UUID]:
+def made_in(run: Run, moment: LabMoment) -> list[UUID]:
     """Return the vessels that a run left fuller than it found them, by key; no waste, no pump."""
     gains: dict[str, int] = {}
     acts = Attempt.objects.filter(job__run=run).values_list("transaction_id", flat=True)

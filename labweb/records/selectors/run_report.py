@@ -20,7 +20,7 @@ from labweb.telemetry.selectors import Reading
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class RunFacts:
     """A run's matter."""
 
     balance: MassBalance
@@ -41,7 +41,7 @@ class Report:
     """Actions that are complete, and whose confirmation could not be made."""
 
 
-def report_of(run: Run, seen: Collection[UUID]) -> Report:
+def report_of(run: Run, seen: Collection[UUID]) -> RunFacts:
     """Reckon the report of a run from its entries, as the ledger stands now.
 
     Args:
@@ -71,7 +71,7 @@ def report_of(run: Run, seen: Collection[UUID]) -> Report:
     yields = find_yields(reactions, facts, held)
     vessels = {vessel for one in yields for vessel in standing.get(one.product, {})}
     spectra = telemetry_selectors.series_about(job_ids, vessels & set(seen))
-    return Report(
+    return RunFacts(
         balance=mass_balance(moves, facts),
         yields=tuple(yields),
         lots=lots,

@@ -12,7 +12,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from pyarrow import parquet
 
 from labweb.domain.errors import StateError
-from labweb.records.selectors.dataset import Value, values_of
+from labweb.records.selectors.dataset import DatasetValue, values_of
 from labweb.runs.selectors import Run
 from labweb.telemetry.selectors import File, Reading, path_of
 from labweb.telemetry.services.kept_files import opened
@@ -113,7 +113,7 @@ def write_values(runs: Iterable[Run], path: Path) -> int:
     return count
 
 
-def _rows(value: Value) -> Iterator[dict[str, Any]]:
+def _rows(value: DatasetValue) -> Iterator[dict[str, Any]]:
     plain = {**value.lineage, **value.measured, "axes": []}
     if value.series is None:
         yield plain

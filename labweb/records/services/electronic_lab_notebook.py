@@ -22,7 +22,13 @@ from rocrate.rocrate import ROCrate  # type: ignore[import-untyped]
 from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.records.selectors import ro_crate as contents
-from labweb.records.services.ro_crate import NO_LICENSE, Written, add_file, check_size, write_parts
+from labweb.records.services.ro_crate import (
+    NO_LICENSE,
+    WrittenCrate,
+    add_file,
+    check_size,
+    write_parts,
+)
 from labweb.runs.selectors import Run
 
 MEDIA_TYPE = "application/vnd.eln+zip"
@@ -70,7 +76,7 @@ def _zip(folder: Path, name: str, target: IO[bytes]) -> None:
                 archive.write(path, f"{name}/{path.relative_to(folder).as_posix()}")
 
 
-def _described(run: Run, files: Collection[Written]) -> ROCrate:
+def _described(run: Run, files: Collection[WrittenCrate]) -> ROCrate:
     crate = ROCrate(version="1.1")
     title = f"Run #{run.number}: {run.version.workflow.name}"
     crate.name = title

@@ -16,7 +16,7 @@ from uuid import UUID
 
 from labweb.common.clock import now
 from labweb.common.render import iso
-from labweb.crutd.selectors.transaction_snapshot import Moment
+from labweb.crutd.selectors.transaction_snapshot import LabMoment
 from labweb.domain.errors import DefinitionError, Finding, StateError
 from labweb.records.selectors.dataset import end_of, made_in
 from labweb.resources import selectors as resource_selectors
@@ -113,7 +113,7 @@ class _Library:
                 findings=findings,
             )
 
-    def _reaction(self, run: Run, moment: Moment, vessel: UUID, contact: str) -> Any:  # noqa: ANN401
+    def _reaction(self, run: Run, moment: LabMoment, vessel: UUID, contact: str) -> Any:  # noqa: ANN401
         node = moment.replay.nodes[vessel]
         digest = hashlib.sha256(f"{run.pk}/{vessel}".encode()).hexdigest()
         reaction = self.messages.Reaction(reaction_id=f"ord-{digest[:_ID]}")
@@ -135,7 +135,7 @@ class _Library:
         self._provenance(reaction, run, contact)
         return reaction
 
-    def _inputs(self, reaction: Any, moment: Moment, vessel: UUID) -> None:  # noqa: ANN401
+    def _inputs(self, reaction: Any, moment: LabMoment, vessel: UUID) -> None:  # noqa: ANN401
         held = moment.held(vessel)
         lots = resource_selectors.find_lots(held).select_related("material")
         amounts = {str(lot): amount for lot, amount in held.items()}

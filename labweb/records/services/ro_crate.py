@@ -108,7 +108,7 @@ def pack_run(run: Run, seen: Collection[UUID] | None) -> IO[bytes]:
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WrittenCrate:
     """One file of a crate, as it lies on disk."""
 
     fact: FileFact
@@ -116,7 +116,7 @@ class Written:
     source: Path
 
 
-def write_parts(run: Run, seen: Collection[UUID] | None, folder: Path) -> list[Written]:
+def write_parts(run: Run, seen: Collection[UUID] | None, folder: Path) -> list[WrittenCrate]:
     """Write all that a crate of a run holds; files that were kept stay where they lie."""
     files = []
     for part in PARTS:
@@ -130,7 +130,7 @@ def write_parts(run: Run, seen: Collection[UUID] | None, folder: Path) -> list[W
     return [*files, _measured(run, PROVENANCE, folder)]
 
 
-def _kept(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[Written]:
+def _kept(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[WrittenCrate]:
     """Yield the instrument files of a run's jobs with what was read from them, if there are any."""
     rows = list(contents.kept_files(run, seen))
     if not rows:
@@ -151,7 +151,7 @@ def _kept(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[Wri
             sha256=row.sha256,
         )
         about = "A series made from it" if row.made_from_id else "An instrument file as it came"
-        yield Written(fact, f"{about}: {row.name}", path_of(row.sha256))
+        yield WrittenCrate(fact, f"{about}: {row.name}", path_of(row.sha256))
 
 
 def _packed(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[bytes]:
@@ -159,7 +159,7 @@ def _packed(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[b
     yield from _described(run, seen, files).stream_zip(chunk_size=_BLOCK)
 
 
-def _measured(run: Run, part: Part, folder: Path) -> Written:
+def _measured(run: Run, part: Part, folder: Path) -> WrittenCrate:
     path = folder / part.path
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -170,10 +170,10 @@ def _measured(run: Run, part: Part, folder: Path) -> Written:
         size_bytes=path.stat().st_size,
         sha256=digest,
     )
-    return Written(fact, part.about, path)
+    return WrittenCrate(fact, part.about, path)
 
 
-def _described(run: Run, seen: Collection[UUID] | None, files: Iterable[Written]) -> ROCrate:
+def _described(run: Run, seen: Collection[UUID] | None, files: Iterable[WrittenCrate]) -> ROCrate:
     """Return the crate with what each file is, who did the run, and on which devices."""
     crate = ROCrate(version="1.1")
     version = run.version
@@ -222,7 +222,7 @@ def _tell_origin(crate: ROCrate, row: Kept, entities: Mapping[str, File]) -> Non
         entity["mentions"] = {"@id": f"#device-{row.device_id}"}
 
 
-def _properties(file: Written) -> dict[str, Any]:
+def _properties(file: WrittenCrate) -> dict[str, Any]:
     fact = file.fact
     return {
         "name": fact.name,
@@ -233,13 +233,13 @@ def _properties(file: Written) -> dict[str, Any]:
     }
 
 
-def add_file(crate: ROCrate, file: Written, prefix: str = "") -> File:
+def add_file(crate: ROCrate, file: WrittenCrate, prefix: str = "") -> File:
     """Add a file to a crate, with its size and checksum."""
     path = f"{prefix}{file.fact.name}"
     return crate.add_file(file.source, path, properties=_properties(file))
 
 
-def _workflow(crate: ROCrate, run: Run, file: Written) -> ComputationalWorkflow:
+def _workflow(crate: ROCrate, run: Run, file: WrittenCrate) -> ComputationalWorkflow:
     language = crate.add(
         ComputerLanguage(
             crate,

@@ -9,7 +9,7 @@ from labweb.runs.models import Attempt, HostEvent, Job, Outbox, Run
 
 
 @admin.register(Run)
-class Runs(ReadOnly):
+class RunsAdmin(ReadOnly):
     """Executions."""
 
     list_display = ("number", "version", "state", "created_by", "created_at", "ended_at")

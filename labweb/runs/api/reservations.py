@@ -33,7 +33,7 @@ _MOST_MINUTES = 1_000_000_000
 """No limit of a reservation, which is refused by its rule: more is no span of time."""
 
 
-class Wanted(msgspec.Struct, forbid_unknown_fields=True):
+class WantedReservation(msgspec.Struct, forbid_unknown_fields=True):
     """What to reserve, for how long, and what for."""
 
     resource_ids: Annotated[list[UUID], msgspec.Meta(max_length=10 * MOST)]
@@ -44,7 +44,7 @@ class Wanted(msgspec.Struct, forbid_unknown_fields=True):
 class Reservations(Endpoint):
     """What is reserved now."""
 
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Wanted}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": WantedReservation}
     statuses: ClassVar = {"post": 201}
 
     queries = HISTORY.parameters
@@ -61,7 +61,7 @@ class Reservations(Endpoint):
 
     def post(self, request: Request) -> ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
-        wanted = body(request, Wanted)
+        wanted = body(request, WantedReservation)
         user = user_of(request)
         ids = set(wanted.resource_ids[: MOST + 1])
         resource_selectors.require_seen(user, ids)

@@ -47,7 +47,7 @@ class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
     """Workflow that it is a draft of, whose proofs are then compared with it."""
 
 
-class Check(Endpoint):
+class DraftCheck(Endpoint):
     """What a workflow would mean here and now."""
 
     scopes: ClassVar[Mapping[str, AccessScope]] = {"post": AccessScope.DRAFT}

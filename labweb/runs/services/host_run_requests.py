@@ -23,7 +23,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
-from labweb.runs.services.planning.start import Wish, start_run
+from labweb.runs.services.planning.start import StartWish, start_run
 from labweb.runs.services.stopping.abort import abort_run
 from labweb.workflows import selectors as workflow_selectors
 from labweb.workflows import services as workflow_services
@@ -109,7 +109,7 @@ def _start(host_id: UUID, ask: ActionAsk) -> Run:
         "edges": [],
     }
     version = _version(host.lab, document, actor)
-    wish = Wish(ask.ask_id, host_id, RULE)
+    wish = StartWish(ask.ask_id, host_id, RULE)
     run = start_run(version, actor=actor, wish=wish)
     detail = {"host_id": str(host_id), "source": ask.source[:40]}
     account_services.write_audit("run.asked", str(run.id), actor=actor, detail=detail)

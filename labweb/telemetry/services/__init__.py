@@ -22,7 +22,12 @@ from labweb.telemetry.services.kept_files import (
 from labweb.telemetry.services.plot_points import drawn
 from labweb.telemetry.services.roll_ups import MOST_TRIMMED, roll_up, trim
 from labweb.telemetry.services.samples import SILENT_S, take_in
-from labweb.telemetry.services.telemetry_export import MOST_ROWS, Wanted, write_csv, write_parquet
+from labweb.telemetry.services.telemetry_export import (
+    MOST_ROWS,
+    WantedSeries,
+    write_csv,
+    write_parquet,
+)
 
 __all__ = [
     "MOST_PHOTO_BYTES",
@@ -32,7 +37,7 @@ __all__ = [
     "READ_TASK",
     "SILENT_S",
     "Upload",
-    "Wanted",
+    "WantedSeries",
     "arrive",
     "await_file",
     "bring",

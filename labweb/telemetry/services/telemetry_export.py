@@ -56,7 +56,7 @@ _COUNT = "SELECT count(*) FROM (SELECT 1 {rows} LIMIT %(most)s) AS asked"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class WantedSeries:
     """What shall be in a file."""
 
     device_id: UUID
@@ -71,7 +71,7 @@ class Wanted:
     """Width of the buckets; `RAW`: samples."""
 
 
-def write_csv(wanted: Wanted) -> IO[bytes]:
+def write_csv(wanted: WantedSeries) -> IO[bytes]:
     """Write what is wanted as CSV into a file that is gone when it is closed.
 
     The columns are `at` (UTC, ISO 8601, µs; the begin of a bucket), `device`, `status`, `unit`, and
@@ -116,7 +116,7 @@ def write_csv(wanted: Wanted) -> IO[bytes]:
     return file
 
 
-def write_parquet(wanted: Wanted) -> IO[bytes]:
+def write_parquet(wanted: WantedSeries) -> IO[bytes]:
     """Write the same as Parquet, a block at a time.
 
     Raises:

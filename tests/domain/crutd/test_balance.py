@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from labweb.domain.crutd.mass_balance import LotFacts, MassMove, find_yields, mass_balance
-from labweb.domain.crutd.operations import Product, React, Share
+from labweb.domain.crutd.operations import Product, React, ReactantShare
 from labweb.domain.resources.contents import LotId, Phase
 
 SPACE = UUID("7a3c1d52-4f7b-5a57-8a4c-2d9b6f2f0c11")
@@ -33,7 +33,7 @@ def facts(**more: LotFacts) -> dict[LotId, LotFacts]:
 def reaction(consumed: str, made: str, *, nl: int, basis: bool = True) -> React:
     return React(
         resource_id=UUID(FLASK),
-        reactants=(Share(lot_id=UUID(lot(consumed)), amount_nl=nl),),
+        reactants=(ReactantShare(lot_id=UUID(lot(consumed)), amount_nl=nl),),
         products=(
             Product(
                 lot_id=UUID(lot(made)), material_id=SPACE, key=made, phase=Phase.LIQUID, amount_nl=1

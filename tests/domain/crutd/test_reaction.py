@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import book, unbalanced
-from labweb.domain.crutd.operations import Product, React, Share
+from labweb.domain.crutd.operations import Product, React, ReactantShare
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind, check, settle
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
 from labweb.domain.crutd.transaction_states import TransactionState
@@ -51,8 +51,8 @@ FACTS = Facts(
 REACTION = React(
     resource_id=FLASK,
     reactants=(
-        Share(lot_id=ACID, amount_nl=5_000),
-        Share(lot_id=BASE, amount_ug=4_000),
+        ReactantShare(lot_id=ACID, amount_nl=5_000),
+        ReactantShare(lot_id=BASE, amount_ug=4_000),
     ),
     products=(
         Product(
@@ -106,12 +106,15 @@ def test_its_entries_go_through_the_account_and_sum_to_zero() -> None:
         (but(residue_ug=0), "crutd.mass_not_conserved"),
         (product(amount_ug=10_003), "crutd.mass_not_conserved"),
         (but(reason=" "), "crutd.reason_missing"),
-        (but(reactants=(Share(lot_id=SALT, amount_nl=1),)), "crutd.same_lot"),
-        (but(reactants=(Share(lot_id=FLASK, amount_nl=1),)), "crutd.no_lot"),
-        (but(reactants=(Share(lot_id=ACID, amount_nl=10_001),)), "crutd.insufficient_volume"),
-        (but(reactants=(Share(lot_id=BASE, amount_ug=5_001),)), "crutd.insufficient_mass"),
-        (but(reactants=(Share(lot_id=BASE, amount_nl=5),)), "crutd.unit_mismatch"),
-        (but(reactants=(Share(lot_id=ACID),)), "crutd.not_positive"),
+        (but(reactants=(ReactantShare(lot_id=SALT, amount_nl=1),)), "crutd.same_lot"),
+        (but(reactants=(ReactantShare(lot_id=FLASK, amount_nl=1),)), "crutd.no_lot"),
+        (
+            but(reactants=(ReactantShare(lot_id=ACID, amount_nl=10_001),)),
+            "crutd.insufficient_volume",
+        ),
+        (but(reactants=(ReactantShare(lot_id=BASE, amount_ug=5_001),)), "crutd.insufficient_mass"),
+        (but(reactants=(ReactantShare(lot_id=BASE, amount_nl=5),)), "crutd.unit_mismatch"),
+        (but(reactants=(ReactantShare(lot_id=ACID),)), "crutd.not_positive"),
         (product(amount_ug=0), "crutd.not_positive"),
         (product(amount_nl=3), "crutd.unit_mismatch"),
         (product(material_id=FLASK), "crutd.no_material"),
@@ -137,7 +140,7 @@ def test_a_liquid_of_unknown_density_has_to_be_weighed() -> None:
 
 
 def test_a_stated_density_counts_and_not_a_second_figure() -> None:
-    shares = (Share(lot_id=ACID, amount_nl=5_000, mass_ug=1), REACTION.reactants[1])
+    shares = (ReactantShare(lot_id=ACID, amount_nl=5_000, mass_ug=1), REACTION.reactants[1])
     assert codes(but(reactants=shares)) == []
 
 
@@ -152,7 +155,7 @@ def test_a_reaction_needs_a_vessel_that_is_free_of_doubt() -> None:
 
 def test_an_edge_host_checks_what_is_in_the_vessel_without_facts_of_lots() -> None:
     assert codes(REACTION, None) == []
-    assert codes(but(reactants=(Share(lot_id=ACID, amount_nl=10_001),)), None) == [
+    assert codes(but(reactants=(ReactantShare(lot_id=ACID, amount_nl=10_001),)), None) == [
         "crutd.insufficient_volume"
     ]
 
@@ -197,8 +200,8 @@ def test_what_is_declared_whole_is_accepted_and_one_milligram_off_is_not(
     made = max(1, int(total * share))
     right = but(
         reactants=(
-            Share(lot_id=ACID, amount_nl=consumed),
-            Share(lot_id=BASE, amount_ug=mass),
+            ReactantShare(lot_id=ACID, amount_nl=consumed),
+            ReactantShare(lot_id=BASE, amount_ug=mass),
         ),
         products=(msgspec.structs.replace(REACTION.products[0], amount_ug=made),),
         residue_ug=total - made,

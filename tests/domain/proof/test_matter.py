@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, AmountRange, Contents
 from labweb.domain.proof.plan_state import State
 from tests.domain.proof.bench import by_hand, carry, plan, run, shift, step
 from tests.domain.proof.plans import (
@@ -66,13 +66,13 @@ def introduced(wanted: dict[str, Any]) -> dict[str, int]:
     return sums
 
 
-def everywhere(state: State) -> dict[str, Range]:
+def everywhere(state: State) -> dict[str, AmountRange]:
     """Each lot in all vessels, syringes and cartridges, and what dried away or was thrown away."""
     places = [*state.contents.values(), *(one.contents for one in state.syringes.values())]
-    sums: dict[str, Range] = {}
+    sums: dict[str, AmountRange] = {}
     for held in places:
         for lot, amount in (*held.liquids.items(), *held.solids.items()):
-            sums[lot] = sums.get(lot, Range(0, 0)) + amount
+            sums[lot] = sums.get(lot, AmountRange(0, 0)) + amount
     return sums
 
 
@@ -84,7 +84,7 @@ def test_of_what_is_certain_every_unit_stays(
     wanted = plan(*steps, **held)
     found = everywhere(run(wanted))
     assert {lot: amount for lot, amount in found.items() if amount.most} == {
-        lot: Range.exactly(amount) for lot, amount in introduced(wanted).items() if amount
+        lot: AmountRange.exactly(amount) for lot, amount in introduced(wanted).items() if amount
     }
 
 
@@ -96,7 +96,7 @@ def test_of_what_is_uncertain_the_sum_lies_between_least_and_most(
     wanted = plan(*steps, **held)
     found = everywhere(run(wanted))
     for lot, amount in introduced(wanted).items():
-        known = found.get(lot, Range(0, 0))
+        known = found.get(lot, AmountRange(0, 0))
         assert known.least <= amount <= known.most
 
 
@@ -110,7 +110,7 @@ def test_what_is_truly_there_is_never_outside_least_and_most(
 ) -> None:
     held = Contents()
     for lot, amount in lots.items():
-        held.add(Contents({lot: Range.exactly(amount)}, {}, Range.exactly(amount)))
+        held.add(Contents({lot: AmountRange.exactly(amount)}, {}, AmountRange.exactly(amount)))
     held.take_lower_phase(0)
     truth = dict(lots)
     for volume, random in draws:
@@ -124,12 +124,18 @@ def test_what_is_truly_there_is_never_outside_least_and_most(
         for said, true in ((taken, true_taken), (held, truth)):
             assert said.volume.least <= sum(true.values()) <= said.volume.most
             for lot, amount in true.items():
-                known = said.liquids.get(lot, Range(0, 0))
+                known = said.liquids.get(lot, AmountRange(0, 0))
                 assert known.least <= amount <= known.most
 
 
 def test_of_no_lot_is_there_more_than_the_limit_says() -> None:
-    held = Contents({"a": Range(0, 50), "b": Range(0, 50)}, {"s": Range(0, 9)}, Range(0, 60))
-    held.keep_within(Contents({"a": Range(5, 20)}, {"s": Range(3, 3)}, Range(5, 20)))
-    assert held.liquids == {"a": Range(0, 20), "b": Range(0, 0)}
-    assert (held.solids, held.volume) == ({"s": Range(0, 3)}, Range(0, 20))
+    held = Contents(
+        {"a": AmountRange(0, 50), "b": AmountRange(0, 50)},
+        {"s": AmountRange(0, 9)},
+        AmountRange(0, 60),
+    )
+    held.keep_within(
+        Contents({"a": AmountRange(5, 20)}, {"s": AmountRange(3, 3)}, AmountRange(5, 20))
+    )
+    assert held.liquids == {"a": AmountRange(0, 20), "b": AmountRange(0, 0)}
+    assert (held.solids, held.volume) == ({"s": AmountRange(0, 3)}, AmountRange(0, 20))

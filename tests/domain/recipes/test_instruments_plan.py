@@ -13,7 +13,7 @@ import pytest
 
 from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.proof.execute_plan import execute
-from labweb.domain.proof.lot_amount_ranges import Range
+from labweb.domain.proof.lot_amount_ranges import AmountRange
 from labweb.domain.proof.plan_read import parse_plan
 from labweb.domain.proof.plan_state import State
 from tests.domain.recipes.plans import bench, claims, compiled, reasons, recipe, unproved
@@ -108,13 +108,13 @@ def test_what_is_drawn_of_a_spun_vessel_holds_nobody_knows_how_much_of_the_solid
     (does,) = claims(plan, "spin")
     assert (does["speed_rpm"], does["duration_s"]) == (4000.0, 300.0)
     held = carried_out(plan, graph).contents
-    assert held["reactor"].volume == Range.exactly(10_000 * UL)
-    assert held["reactor"].solids == {"ether": Range(0, 10**12)}
-    assert held["rotor"].solids == {"ether": Range(0, 10**12)}
+    assert held["reactor"].volume == AmountRange.exactly(10_000 * UL)
+    assert held["reactor"].solids == {"ether": AmountRange(0, 10**12)}
+    assert held["rotor"].solids == {"ether": AmountRange(0, 10**12)}
     not_spun = compiled(text.replace("Centrifuge", "Wait").replace(' speed="4000 RPM"', "")
                         .replace('Wait vessel="rotor"', "Wait"), graph)  # fmt: skip
     assert carried_out(not_spun, graph).contents["reactor"].solids == {
-        "ether": Range.exactly(10**12 // 2)
+        "ether": AmountRange.exactly(10**12 // 2)
     }
 
 
@@ -132,7 +132,7 @@ def test_a_distillate_runs_into_the_vessel_that_the_condenser_leads_to() -> None
     }  # fmt: skip
     held = carried_out(plan, graph).contents
     for key in ("reactor", "flask_spare"):
-        assert held[key].liquids == {"water": Range(0, 60_000 * UL)}
+        assert held[key].liquids == {"water": AmountRange(0, 60_000 * UL)}
     assert reasons(recipe(ADD, DISTILL), bench()) == ["plan.no_condenser"]
     elsewhere = fitted(("condenser", "Condenser", "reactor filter"))
     assert reasons(recipe(ADD, DISTILL), elsewhere) == ["plan.no_condenser"]
@@ -157,8 +157,8 @@ def test_a_ph_is_adjusted_in_portions_and_never_with_more_than_allowed() -> None
     assert portions == [500.0] * 4 + [200.0]
     assert plan["totals"]["delivered_ul"]["reactor"]["acid"] == 2200.0
     held = carried_out(plan, graph).contents["reactor"]
-    assert held.liquids["acid"] == Range(0, 2200 * UL)
-    assert held.volume == Range(60_000 * UL, 62_200 * UL)
+    assert held.liquids["acid"] == AmountRange(0, 2200 * UL)
+    assert held.volume == AmountRange(60_000 * UL, 62_200 * UL)
     assert any("at most 2.2 mL of acid" in note for note in plan["notes"])
 
 
@@ -213,7 +213,7 @@ def test_a_loop_that_a_reading_ends_goes_whole_rounds_and_is_bounded() -> None:
     graph = with_acid()
     plan = compiled(loop(MONITOR.format(PH.format('max="4"')), ADD), graph)
     assert len(claims(plan, "measure")) == 20
-    assert carried_out(plan, graph).contents["reactor"].liquids["water"] == Range(
+    assert carried_out(plan, graph).contents["reactor"].liquids["water"] == AmountRange(
         61_000 * UL, 80_000 * UL
     )
     assert any("repeat.most_rounds" in note for note in plan["notes"])
@@ -335,7 +335,7 @@ def test_a_column_may_lead_into_the_collecting_flask() -> None:
     (does,) = claims(plan, "transfer")[1:]
     assert (does["to"], does["through"]) == ("rotavap#collect", ["silica"])
     held = carried_out(plan, graph).contents
-    assert held["rotavap#collect"].volume == Range.exactly(60_000 * UL)
+    assert held["rotavap#collect"].volume == AmountRange.exactly(60_000 * UL)
 
 
 @pytest.mark.parametrize("step", [SONICATE, MICROWAVE, DISTILL])

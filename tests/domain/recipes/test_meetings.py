@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, AmountRange, Contents
 from labweb.domain.proof.unplanned_mixing import Encounters, Gift
 from labweb.domain.proof.wetted_lines import Lines
 from labweb.domain.recipes.on_rig.matter import exactly
@@ -126,7 +126,7 @@ def test_what_met_a_lot_as_a_liquid_may_not_meet_it_as_a_solid() -> None:
 def test_of_a_solid_lines_keep_as_much_as_is_in_what_they_keep(water_ul: int, left_ug: int) -> None:
     portion = {("base", True): exactly(20_000_000), ("water", False): exactly(1000 * water_ul)}
     assert kept_of(portion) == {("base", True): left_ug, ("water", False): 300_000}
-    water, base = Range.exactly(water_ul * UL), Range.exactly(20_000_000 * UNITS_PER_NL)
+    water, base = AmountRange.exactly(water_ul * UL), AmountRange.exactly(20_000_000 * UNITS_PER_NL)
     lines = Lines()
     lines.wet("valve_1", "reactor", Contents({"water": water}, {"base": base}, water))
     assert lines.amounts_on("valve_1") == {

@@ -10,7 +10,7 @@ from typing import Any
 
 from labweb.domain.graph.rig.rig_read import read_rig
 from labweb.domain.proof.execute_plan import execute
-from labweb.domain.proof.lot_amount_ranges import NOTHING, Range
+from labweb.domain.proof.lot_amount_ranges import NOTHING, AmountRange
 from labweb.domain.proof.plan_read import parse_plan
 from labweb.domain.recipes.on_rig.equipment import Equipment, VesselSort
 from tests.domain.recipes.plans import check_strokes, compiled
@@ -23,7 +23,7 @@ STATIONS: Mapping[str, dict[str, Any]] = {
 UL, MG = 10**9, 10**9
 """Units of the verifier in a microlitre and in a milligram."""
 
-Ledger = dict[str, dict[str, Range]]
+Ledger = dict[str, dict[str, AmountRange]]
 
 
 def ledger(plan: dict[str, Any], graph: dict[str, Any], act: int) -> Ledger:
@@ -62,16 +62,16 @@ def test_the_ledger_is_what_the_recipe_asks_for() -> None:
     before_washing = ledger(plan, STATIONS["row"], 5)
     assert before_washing == {
         "reactor": {
-            "4-nitrobenzyl alcohol": Range.exactly(3060 * MG),
-            "dichloromethane": Range.exactly(30_000 * UL),
-            "triethylamine": Range.exactly(3400 * UL),
-            "acetyl chloride": Range.exactly(1600 * UL),
+            "4-nitrobenzyl alcohol": AmountRange.exactly(3060 * MG),
+            "dichloromethane": AmountRange.exactly(30_000 * UL),
+            "triethylamine": AmountRange.exactly(3400 * UL),
+            "acetyl chloride": AmountRange.exactly(1600 * UL),
         }
     }
     washed = ledger(plan, STATIONS["row"], 10**6)
     assert washed.keys() == {"product", "waste"}
-    assert washed["product"]["water"] == Range(0, 40_000 * UL)
-    assert washed["product"]["4-nitrobenzyl alcohol"] == Range(0, 3060 * MG)
+    assert washed["product"]["water"] == AmountRange(0, 40_000 * UL)
+    assert washed["product"]["4-nitrobenzyl alcohol"] == AmountRange(0, 3060 * MG)
 
 
 def test_the_stations_do_it_with_other_devices() -> None:

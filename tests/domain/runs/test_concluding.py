@@ -18,7 +18,7 @@ from labweb.domain.crutd.pre_and_postconditions import (
     unreadable_baselines,
 )
 from labweb.domain.crutd.settlement import OutcomeKind
-from labweb.domain.runs.host_journal.action_states import ActionState, Report, conclude
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState, conclude
 
 BALANCE, PUMP = UUID(int=1), UUID(int=2)
 PLUNGER = Condition(name="pump.syringe_volume", device_id=PUMP, status="volume_ul", high=0.0)
@@ -58,7 +58,7 @@ SILENT: list[dict[tuple[UUID, str], Any]] = [
 
 @pytest.mark.parametrize("now", SILENT)
 def test_a_confirmation_that_could_not_be_made_leaves_the_action_in_doubt(now: Any) -> None:  # noqa: ANN401
-    found = conclude(Report(ok=True), [(MASS, evaluate(MASS, now, BEFORE))])
+    found = conclude(ActionReport(ok=True), [(MASS, evaluate(MASS, now, BEFORE))])
     assert found.state is ActionState.IN_DOUBT
     assert found.outcome.kind is OutcomeKind.UNKNOWN
     assert found.code == "balance.mass_arrived"
@@ -68,7 +68,7 @@ def test_a_confirmation_that_could_not_be_made_leaves_the_action_in_doubt(now: A
 @pytest.mark.parametrize("now", SILENT)
 def test_a_step_that_may_stay_unconfirmed_is_complete_and_says_so(now: Any) -> None:  # noqa: ANN401
     seen = ConditionResult(name=PLUNGER.name, verdict=ConditionVerdict.PASS, message="volume: 0 µL")
-    found = conclude(Report(ok=True), [(PLUNGER, seen), (FREE, evaluate(FREE, now, BEFORE))])
+    found = conclude(ActionReport(ok=True), [(PLUNGER, seen), (FREE, evaluate(FREE, now, BEFORE))])
     assert found.state is ActionState.COMPLETE
     assert found.verification is Verification.UNCONFIRMED
     assert found.code == "edge.unconfirmed"
@@ -77,13 +77,13 @@ def test_a_step_that_may_stay_unconfirmed_is_complete_and_says_so(now: Any) -> N
 
 def test_a_balance_that_contradicts_is_in_doubt_though_the_step_may_stay_unconfirmed() -> None:
     result = evaluate(FREE, told(3.0, is_stable=True), BEFORE)
-    assert conclude(Report(ok=True), [(FREE, result)]).state is ActionState.IN_DOUBT
+    assert conclude(ActionReport(ok=True), [(FREE, result)]).state is ActionState.IN_DOUBT
 
 
 def test_a_confirmation_that_was_made_is_sensed_whether_it_had_to_be_or_not() -> None:
     for condition in (MASS, FREE):
         result = evaluate(condition, told(1000.0, is_stable=True), BEFORE)
-        found = conclude(Report(ok=True), [(condition, result)])
+        found = conclude(ActionReport(ok=True), [(condition, result)])
         assert (found.verification, found.message) == (Verification.SENSED, "")
 
 
@@ -121,7 +121,7 @@ RESULTS = st.builds(
 def test_nothing_that_was_asked_for_is_dropped_in_silence(
     post: list[tuple[Condition, ConditionResult]],
 ) -> None:
-    found = conclude(Report(ok=True), post)
+    found = conclude(ActionReport(ok=True), post)
     unseen = [one for one, result in post if result.verdict is ConditionVerdict.UNOBSERVABLE]
     if any(not one.may_stay_unconfirmed for one in unseen):
         assert found.state is ActionState.IN_DOUBT

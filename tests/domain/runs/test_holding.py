@@ -22,10 +22,10 @@ from labweb.domain.runs.exclusive_use import run_claims as rules
 from labweb.domain.runs.exclusive_use.run_claims import Claims, DeviceWay, Use, claims_of, stand_of
 from labweb.domain.runs.exclusive_use.run_holds import (
     HoldAsk,
+    HoldRefusal,
     HoldScene,
     Modes,
     Party,
-    Refusal,
     UseMode,
     Why,
     clash,
@@ -199,14 +199,14 @@ def test_what_no_path_comes_back_to_is_released_and_what_may_be_retried_is_not()
 def test_what_another_run_holds_is_waited_for_by_name() -> None:
     one, two = party(1, alone(REACTOR), {}), party(2, {}, alone(REACTOR), has_begun=False)
     found = refusal(two, ask(two, alone(REACTOR)), HoldScene(parties=[one, two]))
-    assert found == Refusal(Why.HELD, one.id, REACTOR)
+    assert found == HoldRefusal(Why.HELD, one.id, REACTOR)
 
 
 def test_a_run_gets_nothing_with_which_neither_could_end() -> None:
     one = party(1, alone(HEATER), alone(ROBOT))
     two = party(2, {}, alone(ROBOT, HEATER), has_begun=False)
     found = refusal(two, ask(two, alone(ROBOT)), HoldScene(parties=[one, two]))
-    assert found == Refusal(Why.UNSAFE, one.id, HEATER)
+    assert found == HoldRefusal(Why.UNSAFE, one.id, HEATER)
 
 
 def test_who_has_not_begun_comes_after_who_waits_and_who_has_begun_does_not() -> None:
@@ -216,7 +216,7 @@ def test_who_has_not_begun_comes_after_who_waits_and_who_has_begun_does_not() ->
     waiting = [ask(two, alone(REACTOR, FLASK), since=1)]
     scene = HoldScene(parties=[one, two, three], waiting=waiting)
     late = ask(three, alone(FLASK), since=2)
-    assert refusal(three, late, scene) == Refusal(Why.TURN, two.id, FLASK)
+    assert refusal(three, late, scene) == HoldRefusal(Why.TURN, two.id, FLASK)
     begun = replace(three, has_begun=True)
     assert refusal(begun, late, replace(scene, parties=[one, two, begun])) is None
     early = ask(three, alone(FLASK), since=0)
@@ -231,7 +231,7 @@ def test_what_a_run_needs_for_one_step_is_not_kept_from_others_while_it_waits() 
     asked = [claim for claim in declared.claims if 0 in claim.jobs]
     whole = ask(two, rules.modes_in(asked))
     found, kept = rules.decide(two, whole, asked, HoldScene(parties=[one, two]))
-    assert found == Refusal(Why.HELD, one.id, REACTOR)
+    assert found == HoldRefusal(Why.HELD, one.id, REACTOR)
     assert set(kept.wanted) == {REACTOR}
 
 

@@ -20,7 +20,7 @@ from labweb.api.twin.proxy import POLICY, allowed_frame
 from labweb.common import feed
 from tests.labweb.api.twin_site import VISER, Site, there_is_a_twin_at
 from twin.server import Painter, Viewer
-from twin.state import LabView
+from twin.state import TwinLabView
 from twin.sync import Config, FeedClient
 
 CAMERA = msgspec.msgpack.encode({"type": "ViewerCameraMessage", "fov": 1.0})
@@ -244,8 +244,8 @@ async def test_when_viser_goes_the_line_goes(site: Site) -> None:
 
 
 @asynccontextmanager
-async def following(site: Site, token: str) -> AsyncIterator[LabView]:
-    view = LabView()
+async def following(site: Site, token: str) -> AsyncIterator[TwinLabView]:
+    view = TwinLabView()
     config = Config(server_url=f"ws://127.0.0.1:{site.port}", token_file="")
     alive = {"ports": {"light": 1}, "is_fresh": True, "clients_count": 0}
     task = asyncio.create_task(FeedClient(config, token, view, lambda: alive).run())

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from labweb.common.limits.lanes import FullError, Lane, Room, Ticket
+from labweb.common.limits.lanes import FullError, Lane, LaneTicket, Room
 
 
 async def entered(lane: Lane, *names: str) -> None:
@@ -89,7 +89,7 @@ async def test_a_queue_has_an_end() -> None:
 async def test_a_place_is_free_when_its_thread_is_and_not_when_nobody_listens_any_more() -> None:
     lane = Lane(Room(most=1, most_of_one=1))
     await lane.enter("a")
-    ticket = Ticket(lane, "a")
+    ticket = LaneTicket(lane, "a")
     assert ticket.begin()
     ticket.drop()
     with pytest.raises(FullError):
@@ -102,7 +102,7 @@ async def test_a_place_is_free_when_its_thread_is_and_not_when_nobody_listens_an
 async def test_a_thread_that_comes_too_late_does_not_begin() -> None:
     lane = Lane(Room(most=1, most_of_one=1))
     await lane.enter("a")
-    ticket = Ticket(lane, "a")
+    ticket = LaneTicket(lane, "a")
     ticket.drop()
     assert not ticket.begin()
     await lane.enter("b")

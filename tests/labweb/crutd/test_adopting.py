@@ -17,7 +17,7 @@ from labweb.domain.errors import EnrollmentError, LabError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Candidate, Device
-from labweb.enrollment.services import Wanted
+from labweb.enrollment.services import WantedDevice
 from labweb.resources.models import Connection, Resource
 from tests.builders import Bench, an_edge, catalog
 from tests.labweb.enrollment.test_discovery import seen
@@ -31,9 +31,9 @@ def _own_authority(settings: Settings, tmp_path: Path) -> Iterator[None]:
     authority._load.cache_clear()
 
 
-def wanted(bench: Bench, name: str = "Pump 9", **config: Any) -> Wanted:  # noqa: ANN401 - settings
+def wanted(bench: Bench, name: str = "Pump 9", **config: Any) -> WantedDevice:  # noqa: ANN401 - settings
     pump = bench.device("pump_1")
-    return Wanted(
+    return WantedDevice(
         name=name,
         driver_digest=pump.driver.digest,
         transport="tcp://192.0.2.9:5000",
@@ -41,7 +41,9 @@ def wanted(bench: Bench, name: str = "Pump 9", **config: Any) -> Wanted:  # noqa
     )
 
 
-def adopted(bench: Bench, row: Candidate, wish: Wanted | None = None, typed: str = "") -> Device:
+def adopted(
+    bench: Bench, row: Candidate, wish: WantedDevice | None = None, typed: str = ""
+) -> Device:
     return services.adopt_candidate(
         row.id,
         wish or wanted(bench),
@@ -81,19 +83,19 @@ def test_the_lab_with_it_is_rebuilt_from_its_events(bench: Bench) -> None:
     assert after == before
 
 
-def _taken_key(bench: Bench) -> Wanted:
+def _taken_key(bench: Bench) -> WantedDevice:
     Resource.objects.filter(key="waste").update(key="pump_9_valve")
     return wanted(bench)
 
 
-def _no_parts(bench: Bench) -> Wanted:
+def _no_parts(bench: Bench) -> WantedDevice:
     node = bench.device("timer_1").driver
     node.spec = {**node.spec, "roles": ["node"]}
     node.save()
-    return Wanted(name="Rover", driver_digest=node.digest, transport="virtual:timer")
+    return WantedDevice(name="Rover", driver_digest=node.digest, transport="virtual:timer")
 
 
-def _too_many_ports(bench: Bench) -> Wanted:
+def _too_many_ports(bench: Bench) -> WantedDevice:
     driver = bench.device("pump_1").driver
     fields = [
         {**one, "maximum": 200.0} if one["name"] == "ports_count" else one
@@ -143,9 +145,9 @@ def test_a_code_that_differs_is_on_record_and_brings_nothing(bench: Bench) -> No
 
 def test_a_device_that_acts_through_what_is_there_brings_nothing_besides(bench: Bench) -> None:
     row, before = seen(bench, an_edge(bench)), counted()
-    both = Wanted(
+    both = WantedDevice(
         **{
-            **{name: getattr(wanted(bench), name) for name in Wanted.__struct_fields__},
+            **{name: getattr(wanted(bench), name) for name in WantedDevice.__struct_fields__},
             "nodes": {"pump": bench.node("pump_2").id},
         }
     )
@@ -180,7 +182,9 @@ def test_the_page_brings_the_parts_and_says_so(bench: Bench) -> None:
 
 def made_of(bench: Bench, module: str, transport: str, **config: object) -> Device:
     driver = enrollment_services.keep_driver(catalog()[module])
-    wish = Wanted(name="New", driver_digest=driver.digest, transport=transport, config=dict(config))
+    wish = WantedDevice(
+        name="New", driver_digest=driver.digest, transport=transport, config=dict(config)
+    )
     return adopted(bench, seen(bench, an_edge(bench)), wish)
 
 

@@ -11,7 +11,7 @@ from labweb.crutd.selectors.history_replay import rebuild_differences
 from labweb.crutd.selectors.ledger_verification import ledger_violations
 from labweb.domain.crutd.pre_and_postconditions import Condition, evaluate
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind
-from labweb.domain.runs.host_journal.action_states import Report, conclude
+from labweb.domain.runs.host_journal.action_states import ActionReport, conclude
 from labweb.resources.models import Resource
 from labweb.runs.models import Attempt, Job
 from tests.builders import Bench, a_started_run, an_edge, to_transfer
@@ -59,7 +59,7 @@ def test_a_transfer_with_which_a_sensor_disagrees_is_in_doubt_and_posts_nothing(
     )  # fmt: skip
     key = (BALANCE, "mass_mg")
     result = evaluate(weighed, {key: 102_400.0}, {key: 100_000.0})
-    conclusion = conclude(Report(ok=True, moved_nl=asked), [(weighed, result)])
+    conclusion = conclude(ActionReport(ok=True, moved_nl=asked), [(weighed, result)])
     edge.act(attempt)
     body = edge.settled(attempt, conclusion.outcome) | {"post": [msgspec.to_builtins(result)]}
     body |= {"verification": conclusion.verification.value, "code": conclusion.code}

@@ -52,9 +52,9 @@ def seen(bench: Bench, edge: Edge, **changes: str) -> Candidate:
     return Candidate.objects.exclude(pk__in=before).get()
 
 
-def wanted(bench: Bench, name: str = "Plate 2") -> services.Wanted:
+def wanted(bench: Bench, name: str = "Plate 2") -> services.WantedDevice:
     heater = bench.device("heater_1")
-    return services.Wanted(
+    return services.WantedDevice(
         name=name,
         driver_digest=heater.driver.digest,
         transport="tcp://192.0.2.9:5000",
@@ -154,7 +154,7 @@ def test_only_an_admin_answers(bench: Bench, role: str) -> None:
 
 def test_settings_that_do_not_fit_are_listed_and_nothing_changes(bench: Bench) -> None:
     row = seen(bench, an_edge(bench))
-    wrong = services.Wanted(
+    wrong = services.WantedDevice(
         name="Plate 2",
         driver_digest=bench.device("pump_1").driver.digest,
         transport="tcp://192.0.2.9:5000",

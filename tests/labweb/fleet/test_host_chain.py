@@ -8,7 +8,7 @@ from io import StringIO
 import pytest
 from django.core.management import CommandError, call_command
 
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.runs import services
 from labweb.runs.models import HostEvent
 from tests.builders import Bench
@@ -24,7 +24,7 @@ def told(bench: Bench) -> Bench:
     for _ in range(2):
         services.dispatch_ready()
         host.take()
-        host.end(host.begin(), Report(ok=True))
+        host.end(host.begin(), ActionReport(ok=True))
         host.tell()
     return bench
 

@@ -16,7 +16,7 @@ from labweb.domain.errors import (
 )
 from labweb.enrollment import services as enrollment_services
 from labweb.fleet.services import driver_replacement
-from labweb.fleet.services.driver_replacement import Given
+from labweb.fleet.services.driver_replacement import GivenDriver
 from tests.builders import Bench, an_edge
 from tests.labweb.enrollment.driver_texts import approved, timer
 from tests.labweb.fleet.test_driver_replacement import a_pump, ready, want
@@ -32,7 +32,7 @@ def ids(bench: Bench, *keys: str) -> list[UUID]:
 def give(bench: Bench, version_id: UUID, device_ids: list[UUID], role: str = "admin") -> None:
     driver_replacement.replace_drivers(
         version_id,
-        [Given(one) for one in device_ids],
+        [GivenDriver(one) for one in device_ids],
         actor=bench.people[role],
         reason="better",
     )

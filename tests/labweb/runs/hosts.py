@@ -26,7 +26,7 @@ from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
 from labweb.domain.runs.host_actions.action_execution import HostScene, Started
 from labweb.domain.runs.host_journal import action_states as edge
-from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState
 from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.domain.runs.host_journal.paired_actions import partner_of
@@ -101,7 +101,7 @@ class Host:
     def step(
         self,
         *,
-        report: Report | None = None,
+        report: ActionReport | None = None,
         before: Readings | None = None,
         after: Readings | None = None,
     ) -> bool:
@@ -122,7 +122,7 @@ class Host:
                 found = start(tx, row, row.do, at=self.now(), scene=scene)
             if isinstance(found, Started):
                 amount = row.do.operation.get("amount_nl")
-                done = report or Report(ok=True, moved_nl=amount)
+                done = report or ActionReport(ok=True, moved_nl=amount)
                 self._receive(row)
                 with self.write() as tx:
                     action_execution.write_end(tx, row, done, judged(row.do.post, after))
@@ -139,7 +139,7 @@ class Host:
         with self.write() as tx:
             row = tx.action(partner_id)
             assert row is not None
-            action_execution.write_end(tx, row, Report(ok=True), [])
+            action_execution.write_end(tx, row, ActionReport(ok=True), [])
 
     def begin(self) -> ActionRow:
         """Start the next action that may, and leave it under way."""
@@ -151,7 +151,7 @@ class Host:
             )
         return row
 
-    def end(self, row: ActionRow, report: Report, *, is_halted: bool = False) -> None:
+    def end(self, row: ActionRow, report: ActionReport, *, is_halted: bool = False) -> None:
         """End an action that is under way."""
         if is_halted:
             with self.write() as tx:

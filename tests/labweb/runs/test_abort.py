@@ -14,7 +14,7 @@ from labweb.common.clock import now
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import Effect
 from labweb.domain.runs.halts import halted_setpoints
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.fleet.services import fencing
@@ -26,7 +26,7 @@ from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, states
 from tests.labweb.runs.promises import keeps
 from tests.labweb.web import call, signed_in
 
-HALTED = Report(
+HALTED = ActionReport(
     ok=False,
     effect=Effect.PARTIAL,
     code="device.stopped",
@@ -55,7 +55,7 @@ def until_acting(host: Host, action: str) -> ActionRow:
         host.tell()
         if row.do.action == action:
             return row
-        host.end(row, Report(ok=True))
+        host.end(row, ActionReport(ok=True))
         host.tell()
 
 
@@ -131,7 +131,7 @@ def test_a_device_that_an_earlier_step_left_on_is_halted_though_nothing_acts_on_
     bench: Bench, host: Host, run: Run
 ) -> None:
     until = until_acting(host, "heat_to")
-    host.end(until, Report(ok=True))
+    host.end(until, ActionReport(ok=True))
     host.tell()
     assert bench.node("heater_1").data["temperature_setpoint_c"] == 60.0
     abort(bench, run)
@@ -149,7 +149,7 @@ def test_an_action_that_completes_as_it_is_cancelled_leaves_nothing_on(
     abort(bench, run)
     DeviceHalt.objects.all().delete()
     Outbox.objects.filter(kind__in=["halt", "cancel"]).delete()
-    host.end(row, Report(ok=True))
+    host.end(row, ActionReport(ok=True))
     host.tell()
     assert [one.state for one in run.halts.all()] == ["asked"], "it turns, and its run is over"
     assert state(run) == "running"
@@ -188,7 +188,7 @@ def test_a_device_that_does_not_answer_owes_its_halt_and_the_run_ends(
 
 def test_a_halt_is_carried_out_when_its_host_comes_back(bench: Bench, host: Host, run: Run) -> None:
     until = until_acting(host, "heat_to")
-    host.end(until, Report(ok=True))
+    host.end(until, ActionReport(ok=True))
     host.tell()
     EdgeHost.objects.update(state="isolated")
     abort(bench, run)
@@ -204,7 +204,7 @@ def test_a_run_does_not_wait_for_a_host_that_tells_nothing(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until = until_acting(host, "heat_to")
-    host.end(until, Report(ok=True))
+    host.end(until, ActionReport(ok=True))
     host.tell()
     abort(bench, run)
     assert services.note_silence() == 0
@@ -235,7 +235,7 @@ def test_a_run_behind_waits_for_the_halt_and_then_goes_on(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until = until_acting(host, "heat_to")
-    host.end(until, Report(ok=True))
+    host.end(until, ActionReport(ok=True))
     host.tell()
     behind = a_heating_run(bench)
     abort(bench, run)
@@ -258,7 +258,7 @@ def test_a_device_that_works_for_another_run_is_left_alone_and_that_is_said(
     while run.jobs.filter(state="complete").count() < 2:
         services.dispatch_ready()
         host.take()
-        host.end(host.begin(), Report(ok=True))
+        host.end(host.begin(), ActionReport(ok=True))
         host.tell()
     other = a_heating_run(bench)
     Job.objects.filter(run=run, action="stir").update(run=other, index=99)
@@ -293,7 +293,7 @@ def test_a_run_that_is_aborted_ends_though_one_of_its_actions_is_in_doubt(
     bench: Bench, host: Host, run: Run
 ) -> None:
     row = until_acting(host, "heat_to")
-    host.end(row, Report(ok=False, effect=Effect.UNKNOWN, code="device.timeout"))
+    host.end(row, ActionReport(ok=False, effect=Effect.UNKNOWN, code="device.timeout"))
     host.tell()
     abort(bench, run)
     host.take()
@@ -315,7 +315,7 @@ def test_a_device_that_an_action_given_up_may_have_set_is_halted(
     bench: Bench, host: Host, run: Run
 ) -> None:
     row = until_acting(host, "heat_to")
-    host.end(row, Report(ok=False, effect=Effect.UNKNOWN, code="device.timeout"))
+    host.end(row, ActionReport(ok=False, effect=Effect.UNKNOWN, code="device.timeout"))
     host.tell()
     chemist, job = bench.people["chemist"], Job.objects.get(run=run, action="heat_to")
     services.resolve_job(job.id, actor=chemist, answer="discard", moved_nl=None, note="dark")
@@ -329,7 +329,7 @@ def test_halts_that_a_lost_journal_had_are_asked_for_again(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until = until_acting(host, "heat_to")
-    host.end(until, Report(ok=True))
+    host.end(until, ActionReport(ok=True))
     host.tell()
     abort(bench, run)
     host.take()
@@ -349,7 +349,9 @@ def test_liquid_stays_where_it_was_when_its_transfer_was_aborted(bench: Bench, h
     before = sum(host.disk.resources[source].view.contents.values())
     abort(bench, run)
     host.take()
-    told = Report(ok=False, effect=Effect.PARTIAL, code="device.stopped", moved_nl=asked_nl // 3)
+    told = ActionReport(
+        ok=False, effect=Effect.PARTIAL, code="device.stopped", moved_nl=asked_nl // 3
+    )
     host.end(row, told, is_halted=True)
     host.halt_owed()
     host.tell()
@@ -369,7 +371,7 @@ def test_a_pause_lets_what_acts_end_and_nothing_begin(bench: Bench, host: Host, 
     services.pause_run(run.id, actor=bench.people["chemist"])
     host.take()
     assert not is_cancelled(host, row)
-    host.end(row, Report(ok=True))
+    host.end(row, ActionReport(ok=True))
     host.tell()
     assert Job.objects.get(run=run, action="stir").state == "complete"
     assert services.dispatch_ready() == 0

@@ -21,7 +21,7 @@ from labweb.domain.action_files import (
     NamedFile,
 )
 from labweb.domain.errors import LabError
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.api.run_details import render_run
@@ -69,7 +69,7 @@ def measured(
     host = host or Host(lab)
     assert services.dispatch_ready() == 1
     host.take()
-    assert host.step(report=Report(ok=True, evidence={"mass_mg": 1.0}, files=files))
+    assert host.step(report=ActionReport(ok=True, evidence={"mass_mg": 1.0}, files=files))
     host.tell()
     return Attempt.objects.select_related("job__run").get(job__run=run)
 

@@ -11,7 +11,7 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.operations import Create, Read, Update, from_json
 from labweb.domain.errors import LabError
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.enrollment import services as enrollment_services
 from labweb.resources.models import Connection
 from labweb.runs import services
@@ -73,7 +73,7 @@ def measured(lab: Bench, role: str, action: str, args: dict[str, Any], sample: s
     host = Host(lab)
     assert services.dispatch_ready() == 1
     host.take()
-    assert host.step(report=Report(ok=True, files=(named(TABLE),)))
+    assert host.step(report=ActionReport(ok=True, files=(named(TABLE),)))
     host.tell()
     return Job.objects.get(run=run)
 

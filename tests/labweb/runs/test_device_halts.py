@@ -11,7 +11,7 @@ from labweb.domain.errors import Effect, StateError
 from labweb.domain.messages.commands import Cancel
 from labweb.domain.runs.halts import halted_setpoints
 from labweb.domain.runs.host_actions import action_execution, command_acceptance
-from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState
 from labweb.domain.runs.host_journal.journal_rows import ActionRow
 from labweb.enrollment import services as enrollment_services
 from labweb.fleet.services import fencing
@@ -26,8 +26,8 @@ from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, last_run, st
 from tests.labweb.web import call, signed_in
 
 HEAT_AND_STIR = "Heat and stir"
-HALTED = Report(ok=False, effect=Effect.NONE, code="device.stopped", message="stopped")
-UNKNOWN = Report(ok=False, effect=Effect.UNKNOWN, code="device.timeout", message="no answer")
+HALTED = ActionReport(ok=False, effect=Effect.NONE, code="device.stopped", message="stopped")
+UNKNOWN = ActionReport(ok=False, effect=Effect.UNKNOWN, code="device.timeout", message="no answer")
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def holding(host: Host, run: Run) -> ActionRow:
         if row.do.action == "hold":
             host.tell()
             return row
-        host.end(row, Report(ok=True))
+        host.end(row, ActionReport(ok=True))
         host.tell()
 
 
@@ -143,7 +143,7 @@ def test_a_run_is_not_resumed_before_somebody_has_dealt_with_each_step_that_is_u
         except IndexError:
             break
         order.append(row.do.action)
-        host.end(row, Report(ok=True))
+        host.end(row, ActionReport(ok=True))
         host.tell()
     assert order == ["stir", "hold", "stop_heating", "stop_stirring"], (
         "what was done again comes before what counts on it"
@@ -229,7 +229,7 @@ def test_a_run_whose_last_step_ends_while_the_lab_is_stopped_waits_for_an_answer
     row = host.begin()
     services.stop_lab(actor=bench.people["chemist"])
     hear_stop(bench, host)
-    host.end(row, Report(ok=True))
+    host.end(row, ActionReport(ok=True))
     host.tell()
     found = Run.objects.get(pk=run.pk)
     assert found.state == "paused", "what its last step had set was gone as it was set"
@@ -346,7 +346,7 @@ def test_a_device_that_completes_while_the_lab_is_stopped_is_not_recorded_as_set
     row = host.begin()
     services.stop_lab(actor=bench.people["chemist"])
     hear_stop(bench, host)
-    host.end(row, Report(ok=True))
+    host.end(row, ActionReport(ok=True))
     host.tell()
     assert data(bench).get("temperature_setpoint_c") is None
     assert agrees(bench, host)

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from labweb.domain.errors import ForbiddenError, StateError
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.enrollment.models import Device
 from labweb.resources.models import Lot
 from labweb.runs import services
@@ -29,7 +29,7 @@ def test_a_balance_shows_its_name_in_a_run_of_one_job_and_nothing_moves(bench: B
     host = Host(bench)
     assert services.dispatch_ready() == 1
     host.take()
-    assert host.step(report=Report(ok=True, evidence={"text": device.name}))
+    assert host.step(report=ActionReport(ok=True, evidence={"text": device.name}))
     host.tell()
     job.refresh_from_db()
     assert job.state == "complete"

@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 from labweb.common.clock import now
 from labweb.crutd.api import event_rows
 from labweb.crutd.models import Event, Ticket
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.records.services.ledger_rebuild import differences, rebuild
 from labweb.resources.models import Resource
 from labweb.runs import services
@@ -52,7 +52,7 @@ def test_what_nobody_can_tell_of_a_transfer_leaves_the_same_revisions_in_events_
         row = host.begin()
         if row.do.action in {"aspirate", "dispense"}:
             break
-        host.end(row, Report(ok=True))
+        host.end(row, ActionReport(ok=True))
         host.tell()
     host.end(row, UNKNOWN)
     host.tell()

@@ -9,7 +9,7 @@ import pytest
 from labweb.crutd.models import ResourceLock
 from labweb.domain.errors import StateError
 from labweb.domain.runs.host_actions import host_state
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.enrollment import services as enrollment_services
 from labweb.fleet.services import fencing
 from labweb.resources.models import Resource
@@ -122,7 +122,7 @@ def test_a_failed_member_gives_the_rest_back_and_a_retry_goes_on(
 ) -> None:
     services.dispatch_ready()
     host.take()
-    host.step(report=Report(ok=False, code="device.stuck", message="it is stuck"))
+    host.step(report=ActionReport(ok=False, code="device.stuck", message="it is stuck"))
     while host.step():
         pass
     host.tell()

@@ -11,7 +11,7 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.operations import Create
 from labweb.domain.errors import Effect, LabError
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job
@@ -57,7 +57,7 @@ def held_nl(lab: Bench) -> int:
     return sum(crutd_selectors.contents([bottle]).get(bottle, {}).values())
 
 
-def injected(lab: Bench, report: Report, **changes: Any) -> Job:  # noqa: ANN401
+def injected(lab: Bench, report: ActionReport, **changes: Any) -> Job:  # noqa: ANN401
     """Start a workflow of one injection, and have the host report so."""
     params = {
         "device": str(lab.node("hplc").id),
@@ -83,14 +83,16 @@ def injected(lab: Bench, report: Report, **changes: Any) -> Job:  # noqa: ANN401
     return Job.objects.get(run=run)
 
 
-def a_failure(effect: Effect, moved_nl: int | None) -> Report:
-    return Report(ok=False, effect=effect, moved_nl=moved_nl, code="device.failed", message="m")
+def a_failure(effect: Effect, moved_nl: int | None) -> ActionReport:
+    return ActionReport(
+        ok=False, effect=effect, moved_nl=moved_nl, code="device.failed", message="m"
+    )
 
 
 def test_what_was_drawn_is_gone_and_the_file_is_the_samples(lab: Bench) -> None:
     before = held_nl(lab)
     assert before > 5000
-    job = injected(lab, Report(ok=True, moved_nl=5000, files=(named(TABLE),)))
+    job = injected(lab, ActionReport(ok=True, moved_nl=5000, files=(named(TABLE),)))
     assert (job.state, before - held_nl(lab)) == ("complete", 5000)
     assert Incoming.objects.get().resource_id == lab.node("acid").id
 
@@ -124,12 +126,12 @@ def test_an_injection_that_cannot_be_recorded_is_refused(
     lab: Bench, changes: dict[str, Any], code: str
 ) -> None:
     with pytest.raises(LabError) as refusal:
-        injected(lab, Report(ok=True), **changes)
+        injected(lab, ActionReport(ok=True), **changes)
     assert [one.code for one in refusal.value.findings] == [code]
 
 
 def test_a_sample_that_stands_elsewhere_is_refused(lab: Bench) -> None:
     other = {"sample": str(lab.node("flask_2").id)}
     with pytest.raises(LabError) as refusal:
-        injected(lab, Report(ok=True), **other)
+        injected(lab, ActionReport(ok=True), **other)
     assert [one.code for one in refusal.value.findings] == ["plan.sample_elsewhere"]

@@ -11,7 +11,7 @@ from labweb.domain.errors import Effect
 from labweb.domain.messages.commands import Cancel
 from labweb.domain.runs.host_actions import action_execution, command_acceptance, host_state
 from labweb.domain.runs.host_actions.action_execution import HostScene, Started
-from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState
 from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.enrollment import services as enrollment_services
 from labweb.fleet.services import host_absence
@@ -80,7 +80,7 @@ def test_cancel_of_a_running_job_does_not_harm_the_next(bench: Bench, host: Host
         command_acceptance.take_command(
             tx, row.signed, cancel, at=host.now(), line_of=lambda device_id: "line"
         )
-    halted = Report(ok=False, effect=Effect.NONE, code="device.halted")
+    halted = ActionReport(ok=False, effect=Effect.NONE, code="device.halted")
     with host.write() as tx:
         action_execution.write_end(tx, row, halted, [])
     host.tell()

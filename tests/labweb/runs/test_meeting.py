@@ -8,7 +8,7 @@ from uuid import uuid4
 
 import pytest
 
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.resources.models import Connection
 from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Outbox, Run
@@ -131,7 +131,7 @@ def test_a_second_try_is_not_offered_while_the_other_one_is_complete(
     run = a_run(bench)
     work(run, host)
     giver, receiver = pair(run)
-    host.step(report=Report(ok=False, code="device.rejected", message="no"))
+    host.step(report=ActionReport(ok=False, code="device.rejected", message="no"))
     host.tell()
     assert Job.objects.get(pk=receiver.pk).state == "complete"
     why_not = choices(bench, giver)["retry"]

@@ -6,7 +6,7 @@ import pytest
 
 from labweb.crutd.models import Holding
 from labweb.domain.errors import Effect
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.resources.models import Lot, Resource
 from labweb.runs import services
 from labweb.runs.models import Job, Run
@@ -82,9 +82,9 @@ def test_of_a_broken_stroke_the_same_share_of_a_solid_went_along(bench: Bench, h
         started = host.begin()
         if started.do.action == "aspirate":
             break
-        host.end(started, Report(ok=True))
+        host.end(started, ActionReport(ok=True))
         host.tell()
-    broken = Report(ok=False, effect=Effect.PARTIAL, moved_nl=500_000, code="pump.blocked")
+    broken = ActionReport(ok=False, effect=Effect.PARTIAL, moved_nl=500_000, code="pump.blocked")
     host.end(started, broken)
     host.tell()
     assert Job.objects.get(run=run, action="aspirate").state == "aborted"

@@ -13,7 +13,7 @@ import pytest
 from labweb.crutd.models import Ticket
 from labweb.domain.errors import Effect
 from labweb.domain.resources.resource_kinds import KINDS
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
 from labweb.fleet.services import host_absence
@@ -269,7 +269,9 @@ def test_a_carry_in_doubt_stays_in_the_hands_of_the_arm(
     run = a_run(bench, CARRY)
     to_the_arm(hosts)
     hosts["arm"].take()
-    assert hosts["arm"].step(report=Report(ok=False, effect=Effect.UNKNOWN, code="x", message="?"))
+    assert hosts["arm"].step(
+        report=ActionReport(ok=False, effect=Effect.UNKNOWN, code="x", message="?")
+    )
     hosts["arm"].tell()
     assert states(run) == ["in_doubt"]
     assert Custody.objects.count() == 1, "it is not handed on before a person has looked"
@@ -325,7 +327,9 @@ def test_a_carry_that_failed_is_done_by_hand_through_the_same_hands(
     run = a_run(bench, CARRY)
     to_the_arm(hosts)
     hosts["arm"].take()
-    assert hosts["arm"].step(report=Report(ok=False, effect=Effect.NONE, code="x", message="no"))
+    assert hosts["arm"].step(
+        report=ActionReport(ok=False, effect=Effect.NONE, code="x", message="no")
+    )
     hosts["arm"].tell()
     job = run.jobs.get()
     assert job.state == "aborted"

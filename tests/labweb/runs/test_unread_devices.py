@@ -12,7 +12,7 @@ from django.test.utils import CaptureQueriesContext
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.domain.runs.halts import halted_setpoints
-from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState
 from labweb.enrollment.models import EdgeHost
 from labweb.fleet.management.commands.dispatcher import Watch
 from labweb.runs import services
@@ -39,7 +39,7 @@ def run(bench: Bench, host: Host) -> Run:
         host.take()
         if all(row.do.action == "hold" for row in host.disk.rows(ActionState.ACCEPTED)):
             break
-        host.end(host.begin(), Report(ok=True))
+        host.end(host.begin(), ActionReport(ok=True))
         host.tell()
     Job.objects.filter(run=made, state="complete").update(ended_at=now() - timedelta(hours=1))
     return made

@@ -13,7 +13,7 @@ from labweb.domain.errors import StateError
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
 from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
 from labweb.domain.runs.halts.standing_setpoints import StandingSetpoint, read_stands
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 from labweb.records.services.ledger_rebuild import differences
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
@@ -43,7 +43,7 @@ def until_the_hold(host: Host) -> None:
         if row.do.action == "hold":
             host.tell()
             return
-        host.end(row, Report(ok=True))
+        host.end(row, ActionReport(ok=True))
         host.tell()
 
 
@@ -157,7 +157,7 @@ def until_heated(host: Host) -> None:
     for _ in range(2):
         services.dispatch_ready()
         host.take()
-        host.end(host.begin(), Report(ok=True))
+        host.end(host.begin(), ActionReport(ok=True))
         host.tell()
 
 
@@ -200,7 +200,7 @@ def test_a_device_that_an_ended_run_left_on_is_watched_and_a_person_asked_to_loo
     run = a_run_that_leaves_the_stirrer_on(bench)
     services.dispatch_ready()
     host.take()
-    host.end(host.begin(), Report(ok=True))
+    host.end(host.begin(), ActionReport(ok=True))
     host.tell()
     run.refresh_from_db()
     assert run.state == "complete"

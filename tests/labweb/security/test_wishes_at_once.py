@@ -86,10 +86,10 @@ def test_while_the_first_is_being_carried_out_the_second_is_told_when_to_ask_aga
     may_end, has_begun = threading.Event(), threading.Event()
     chemist = bench.people["chemist"]
 
-    def slow() -> account_services.Answer:
+    def slow() -> account_services.WishAnswer:
         has_begun.set()
         assert may_end.wait(30)
-        return account_services.Answer(200, b"{}", {})
+        return account_services.WishAnswer(200, b"{}", {})
 
     def first() -> None:
         account_services.carry_out_once(slow, actor=chemist, key=key, digest="0" * 64)
@@ -114,7 +114,7 @@ def test_what_fails_before_its_answer_is_kept_changes_nothing_and_may_be_sent_ag
     class PowerCutError(Exception):
         pass
 
-    def cut() -> account_services.Answer:
+    def cut() -> account_services.WishAnswer:
         services.start_run(bench.version(MOVE_WATER), actor=chemist)
         raise PowerCutError
 
@@ -148,10 +148,10 @@ def test_what_a_refusal_put_on_record_stays_on_record(bench: Bench) -> None:
     before = Run.objects.count()
     chemist = bench.people["chemist"]
 
-    def recorded() -> account_services.Answer:
+    def recorded() -> account_services.WishAnswer:
         with atomic():
             account_services.write_audit("something.differs", "it", actor=chemist)
-        return account_services.Answer(422, b"{}", {})
+        return account_services.WishAnswer(422, b"{}", {})
 
     for _ in range(2):
         account_services.carry_out_once(recorded, actor=chemist, key="k" * 8, digest="0" * 64)

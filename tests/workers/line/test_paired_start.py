@@ -17,7 +17,7 @@ from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.errors import Effect
 from labweb.domain.messages.commands import BatchPart, Cancel, Do, HostBatch
 from labweb.domain.messages.devices_and_drivers import DeviceConfig
-from labweb.domain.runs.host_journal.action_states import ActionState, Report
+from labweb.domain.runs.host_journal.action_states import ActionReport, ActionState
 from tests.workers.bench import (
     BOOT_ID,
     DEVICE_ID,
@@ -354,7 +354,7 @@ def test_a_receiver_whose_giver_has_failed_sends_no_byte(
     """The giver's driver refuses at once, before the other line has seen that both are started."""
     lines.take()
     first = lines.executor(DEVICE_ID)
-    refused = Report(ok=False, effect=Effect.NONE, code="device.rejected", message="no")
+    refused = ActionReport(ok=False, effect=Effect.NONE, code="device.rejected", message="no")
     seal_up = Journal.seal_up
 
     def late(journal: Journal) -> None:

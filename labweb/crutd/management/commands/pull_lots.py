@@ -23,7 +23,7 @@ from labweb.resources import selectors as resource_selectors
 TIMEOUT_S = 30.0
 
 
-class Answer(msgspec.Struct):
+class LimsAnswer(msgspec.Struct):
     """What the other system answers with; what it says beside `lots` is left alone."""
 
     lots: list[dict[str, str]]
@@ -101,7 +101,7 @@ def fetched(url: str, token: str) -> bytes:
 
 def _rows(raw: bytes) -> list[dict[str, str]]:
     try:
-        return msgspec.json.decode(raw, type=Answer).lots
+        return msgspec.json.decode(raw, type=LimsAnswer).lots
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise DefinitionError(
             f"the answer is no list of lots: {error}", code="lims.answer"

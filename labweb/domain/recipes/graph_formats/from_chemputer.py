@@ -15,7 +15,7 @@ from labweb.domain.recipes.graph_formats.conversion_loss import LABWEB, lost, un
 from labweb.domain.recipes.on_rig.equipment import (
     COLLECT,
     Equipment,
-    Thermostat,
+    RigThermostat,
     VesselSort,
     is_passive,
 )
@@ -279,7 +279,7 @@ class _Writer:
         return key, port
 
 
-def _reach(thermostat: Thermostat) -> dict[str, Any]:
+def _reach(thermostat: RigThermostat) -> dict[str, Any]:
     ends = {"min_temperature_c": thermostat.low_c, "max_temperature_c": thermostat.high_c}
     return {name: float(value) for name, value in ends.items() if value is not None}
 

@@ -95,7 +95,7 @@ INERT = frozenset({"nitrogen", "argon"})
 
 
 @dataclass(frozen=True, slots=True)
-class Thermostat:
+class RigThermostat:
     """A heater or chiller at a vessel, and what it reaches; None: nobody says."""
 
     key: str
@@ -257,7 +257,7 @@ class Equipment:
         """Return what stirs a vessel."""
         return next((near for near in self.near(key) if _is(self.elements[near], _STIRS)), None)
 
-    def thermostats(self, key: str) -> list[Thermostat]:
+    def thermostats(self, key: str) -> list[RigThermostat]:
         """Return what heats or chills a vessel; a rotary evaporator has its own bath."""
         if self.sort(key) is VesselSort.ROTAVAP:
             return [_thermostat(self.elements[self.evaporator(key)])]
@@ -370,11 +370,11 @@ def size_nl(element: Element, name: str = "max_volume") -> int | None:
     return None
 
 
-def _thermostat(element: Element) -> Thermostat:
+def _thermostat(element: Element) -> RigThermostat:
     low = next(_numbers(element, "min_temp", "min_temperature_c"), None)
     high = next(_numbers(element, "max_temp", "max_temperature_c"), None)
     usual = next((r for p, r in _RANGES_C if p.search(element.kind.lower())), (None, None))
-    return Thermostat(
+    return RigThermostat(
         element.key,
         usual[0] if low is None else low,
         usual[1] if high is None else high,

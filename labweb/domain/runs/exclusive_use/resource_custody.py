@@ -23,7 +23,7 @@ import msgspec
 
 from labweb.domain.canonical_json import canonical
 from labweb.domain.errors import StateError
-from labweb.domain.messages.commands import Receive, Release, ResourceView
+from labweb.domain.messages.commands import ReceiveCommand, Release, ResourceView
 from labweb.domain.runs.host_journal.journal_rows import HeldResource, JournalWrite
 
 
@@ -175,7 +175,7 @@ def _plain(view: ResourceView) -> object:
     return msgspec.json.decode(canonical(view))
 
 
-def take_receive(tx: JournalWrite, receive: Receive) -> bool:
+def take_receive(tx: JournalWrite, receive: ReceiveCommand) -> bool:
     """Take a resource over with all in it, once for each move; False: nothing new is said."""
     if not tx.is_first_refusal(f"receive:{receive.transfer_id}"):
         return False

@@ -22,9 +22,9 @@ from labweb.domain.runs.exclusive_use import run_holds
 from labweb.domain.runs.exclusive_use.run_holds import (
     CARRIERS,
     HoldAsk,
+    HoldRefusal,
     HoldScene,
     Party,
-    Refusal,
     UseMode,
     keeps_matter,
     merged,
@@ -337,7 +337,7 @@ def released(
 
 def decide(
     asker: Party, ask: HoldAsk, asked: Iterable[RunClaim], scene: HoldScene
-) -> tuple[Refusal | None, HoldAsk]:
+) -> tuple[HoldRefusal | None, HoldAsk]:
     """Decide whether a run gets what it asks for, and say what it waits for when it does not.
 
     What it needs for one step alone is not kept from others while it waits for what it keeps.

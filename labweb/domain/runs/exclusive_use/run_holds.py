@@ -207,7 +207,7 @@ class Why(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class HoldRefusal:
     """For whom and for what a run waits."""
 
     why: Why
@@ -228,7 +228,7 @@ class HoldScene:
     above: Above = field(default_factory=dict)
 
 
-def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
+def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> HoldRefusal | None:
     """Decide whether a run may have what it asks for; None: it may.
 
     A run that has begun gets what is free as long as every run that has begun can still end. One
@@ -244,13 +244,13 @@ def refusal(asker: Party, ask: HoldAsk, scene: HoldScene) -> Refusal | None:
     for other in others:
         node = clash(ask.wanted, other.held, scene.above)
         if node is not None:
-            return Refusal(Why.HELD, other.id, node)
+            return HoldRefusal(Why.HELD, other.id, node)
     if not asker.has_begun:
         needs = dict(asker.needs) | dict(ask.wanted)
         for before in _before(ask, scene.waiting):
             node = clash(needs, before.wanted, scene.above)
             if node is not None:
-                return Refusal(Why.TURN, before.run_id, node)
+                return HoldRefusal(Why.TURN, before.run_id, node)
     after = Party(
         id=asker.id,
         has_begun=True,
@@ -273,7 +273,7 @@ def _both(one: Modes, other: Modes) -> dict[UUID, UseMode]:
     return found
 
 
-def _stuck(asker_id: UUID, begun: Collection[Party], above: Above) -> Refusal | None:
+def _stuck(asker_id: UUID, begun: Collection[Party], above: Above) -> HoldRefusal | None:
     """Return who would keep whom from ending; None: there is an order in which all end."""
     left = list(begun)
     while left:
@@ -305,10 +305,10 @@ def _first_clash(needs: Modes, others: Iterable[Party], above: Above) -> tuple[U
     return None
 
 
-def _named(asker_id: UUID, left: Sequence[Party], above: Above) -> Refusal:
+def _named(asker_id: UUID, left: Sequence[Party], above: Above) -> HoldRefusal:
     """Name another run of the ring, and what of it is in the way."""
     first = next((one for one in left if one.id == asker_id), left[0])
     found = _obstacle(first, left, above)
     if found is None or found[0] == asker_id:
         raise ValueError("a run that nothing keeps from ending is no ring")
-    return Refusal(Why.UNSAFE, *found)
+    return HoldRefusal(Why.UNSAFE, *found)

@@ -20,10 +20,10 @@ from labweb.domain.runs.halts import halted_setpoints, vanished_setpoints
 from labweb.domain.runs.host_actions import host_batch, host_state
 from labweb.domain.runs.host_journal import action_states, paired_actions
 from labweb.domain.runs.host_journal.action_states import (
+    ActionReport,
     ActionState,
     Conclusion,
     HostAnswer,
-    Report,
 )
 from labweb.domain.runs.host_journal.action_states import HostScene as HostScene
 from labweb.domain.runs.host_journal.event_bodies import change_body, report_body, results_body
@@ -202,7 +202,7 @@ def write_rejection(
 
 
 def write_actuated(
-    tx: JournalWrite, row: ActionRow, report: Report, context: Mapping[str, Any] | None = None
+    tx: JournalWrite, row: ActionRow, report: ActionReport, context: Mapping[str, Any] | None = None
 ) -> None:
     """Write down that the device has answered, and in which context; what follows only reads."""
     body = report_body(report)
@@ -213,7 +213,7 @@ def write_actuated(
 def write_end(
     tx: JournalWrite,
     row: ActionRow,
-    report: Report,
+    report: ActionReport,
     post: Sequence[tuple[Condition, ConditionResult]],
     answered: Mapping[str, Any] | None = None,
 ) -> Conclusion:
@@ -303,7 +303,7 @@ def recover(tx: JournalWrite, row: ActionRow, found: FoundDevice | None = None) 
         return False
     if current is ActionState.IN_DOUBT:
         return False
-    report = Report(
+    report = ActionReport(
         ok=False,
         effect=Effect.UNKNOWN,
         code="edge.interrupted",

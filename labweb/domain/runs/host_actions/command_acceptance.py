@@ -21,7 +21,7 @@ from labweb.domain.messages.commands import (
     Do,
     Halt,
     HostBatch,
-    Receive,
+    ReceiveCommand,
     Release,
     Reset,
     Resolve,
@@ -114,7 +114,7 @@ def _dispatch_of(command: Command, floor: int) -> int:
 def _take_word(
     tx: JournalWrite,
     signed: Signed,
-    command: Cancel | Resolve | Reset | Halt | Release | Receive,
+    command: Cancel | Resolve | Reset | Halt | Release | ReceiveCommand,
 ) -> Receipt:
     """Take a command that makes nothing act."""
     match command:
@@ -127,7 +127,7 @@ def _take_word(
         case Halt():
             is_new = halted_setpoints.take_halt(tx, command)
             return Receipt(HostAnswer(action_states.ACCEPT if is_new else action_states.DUPLICATE))
-        case Release() | Receive():
+        case Release() | ReceiveCommand():
             return _take_custody(tx, command)
 
 
@@ -301,9 +301,9 @@ def _stale(view: ResourceView) -> HostAnswer:
 # --- custody, cancel, resolve, reset ---
 
 
-def _take_custody(tx: JournalWrite, command: Release | Receive) -> Receipt:
+def _take_custody(tx: JournalWrite, command: Release | ReceiveCommand) -> Receipt:
     """Let a vessel go, unless an action of this host uses it, or take one over."""
-    if isinstance(command, Receive):
+    if isinstance(command, ReceiveCommand):
         is_new = resource_custody.take_receive(tx, command)
     else:
         in_use = {node for row in tx.open_rows() for node in operations.touched_ids(row.operation)}

@@ -228,7 +228,7 @@ def recover(state: ActionState) -> ActionState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class ActionReport:
     """What came back from the driver."""
 
     ok: bool
@@ -258,7 +258,7 @@ class Conclusion:
 
 
 def conclude(
-    report: Report,
+    report: ActionReport,
     post: Sequence[tuple[Condition, ConditionResult]],
     *,
     only_reads: bool = False,
@@ -315,7 +315,7 @@ HALTED_CODE = "device.stopped"
 """What a driver says of an action that a halt has ended."""
 
 
-def _conclude_failure(report: Report, *, moved_nl: int | None) -> Conclusion:
+def _conclude_failure(report: ActionReport, *, moved_nl: int | None) -> Conclusion:
     """Conclude a failure; `moved_nl` is what is known of a part that no volume tells."""
     moved_nl = moved_nl if report.moved_nl is None else report.moved_nl
     kinds = {

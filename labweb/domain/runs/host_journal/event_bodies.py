@@ -9,7 +9,7 @@ import msgspec
 
 from labweb.domain.crutd.pre_and_postconditions import Condition, ConditionResult, Verification
 from labweb.domain.crutd.settlement import Change, Outcome
-from labweb.domain.runs.host_journal.action_states import Report
+from labweb.domain.runs.host_journal.action_states import ActionReport
 
 
 def change_body(
@@ -28,7 +28,7 @@ def change_body(
     }
 
 
-def report_body(report: Report) -> dict[str, Any]:
+def report_body(report: ActionReport) -> dict[str, Any]:
     """Render what came back from the driver."""
     return {
         "ok": report.ok,
@@ -42,9 +42,9 @@ def report_body(report: Report) -> dict[str, Any]:
     }
 
 
-def report_from(body: Mapping[str, Any]) -> Report:
+def report_from(body: Mapping[str, Any]) -> ActionReport:
     """Read a report that was kept in the journal."""
-    return msgspec.convert(dict(body), Report)
+    return msgspec.convert(dict(body), ActionReport)
 
 
 def results_body(results: Sequence[tuple[Condition, ConditionResult]]) -> list[dict[str, Any]]:

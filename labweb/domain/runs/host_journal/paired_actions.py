@@ -27,10 +27,10 @@ from labweb.domain.errors import Effect
 from labweb.domain.messages.commands import Do
 from labweb.domain.runs.host_journal import action_states
 from labweb.domain.runs.host_journal.action_states import (
+    ActionReport,
     ActionState,
     HostAnswer,
     HostScene,
-    Report,
 )
 from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import ActionRow, JournalWrite
@@ -126,10 +126,10 @@ def may_act(row: ActionRow | None, partner: ActionRow | None) -> bool:
     return partner is not None and partner.st in acts
 
 
-def not_sent() -> Report:
+def not_sent() -> ActionReport:
     """Return the report of an action that has not sent a byte because the other one has failed."""
     text = "the action that moved at the same moment had failed before this one began"
-    return Report(ok=False, effect=Effect.NONE, code="edge.partner", message=text)
+    return ActionReport(ok=False, effect=Effect.NONE, code="edge.partner", message=text)
 
 
 def readiness(row: ActionRow, at: HostMoment) -> Ready | None:
@@ -167,13 +167,13 @@ def stand(row: ActionRow, partner: ActionRow | None) -> PairStand:
     return PairStand.WAIT if partner.st is ActionState.STARTED else PairStand.FAILED
 
 
-def failed(report: Report) -> Report:
+def failed(report: ActionReport) -> ActionReport:
     """Return the report of an action that went well alone while the other one did not."""
     text = "the action that moved at the same moment failed: nobody knows where the liquid is"
     return replace(report, ok=False, effect=Effect.UNKNOWN, code="edge.partner", message=text)
 
 
-def as_one_of_two(report: Report) -> Report:
+def as_one_of_two(report: ActionReport) -> ActionReport:
     """Return what a failure of one of two plungers means: a part that moved is no known part."""
     if report.ok or report.effect is Effect.NONE:
         return report

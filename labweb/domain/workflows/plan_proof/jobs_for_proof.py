@@ -16,7 +16,7 @@ from labweb.domain.crutd.operations import (
 from labweb.domain.crutd.snapshot import ResourceState
 from labweb.domain.errors import UnitError
 from labweb.domain.graph.elements import Element, ElementRole
-from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, AmountRange, Contents
 from labweb.domain.proof.plan_read import mass_units
 from labweb.domain.resources.contents import LotId, total_nl
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
@@ -35,9 +35,9 @@ def sized(element: Element, state: ResourceState | None) -> Element:
 
 def contents(held: Mapping[LotId, int], solids: Mapping[LotId, int]) -> Contents:
     """Return what a vessel holds: nanolitres of its liquids, micrograms of its solids."""
-    parts = {str(lot): Range.exactly(nl * UNITS_PER_NL) for lot, nl in held.items()}
-    grains = {str(lot): Range.exactly(mass_units(ug)) for lot, ug in solids.items()}
-    return Contents(parts, grains, Range.exactly(total_nl(held) * UNITS_PER_NL))
+    parts = {str(lot): AmountRange.exactly(nl * UNITS_PER_NL) for lot, nl in held.items()}
+    grains = {str(lot): AmountRange.exactly(mass_units(ug)) for lot, ug in solids.items()}
+    return Contents(parts, grains, AmountRange.exactly(total_nl(held) * UNITS_PER_NL))
 
 
 def changed(job: PlannedJob) -> set[UUID]:

@@ -29,7 +29,7 @@ from labweb.domain.errors import (
     PreconditionError,
     StateError,
 )
-from labweb.domain.messages.commands import Receive, Release, ResourceView
+from labweb.domain.messages.commands import ReceiveCommand, Release, ResourceView
 from labweb.domain.messages.events import EdgeEvent
 from labweb.domain.runs.exclusive_use import resource_custody as rules
 from labweb.domain.runs.exclusive_use.resource_custody import CustodyState
@@ -192,7 +192,7 @@ def confirm_arrival(custody_id: UUID, *, actor: User) -> Custody:
 
 def _send_receive(made: Custody, told: dict[str, Any], target: EdgeHost, *, issued_by: str) -> None:
     view = {**told, "parent_id": str(made.place_id)}
-    command = Receive(
+    command = ReceiveCommand(
         host_id=target.id,
         epoch=target.epoch,
         dseq=target.last_dseq,
@@ -204,7 +204,7 @@ def _send_receive(made: Custody, told: dict[str, Any], target: EdgeHost, *, issu
     _send(target, command, made)
 
 
-def _send(host: EdgeHost, command: Release | Receive, made: Custody) -> None:
+def _send(host: EdgeHost, command: Release | ReceiveCommand, made: Custody) -> None:
     body = msgspec.to_builtins(command)
     Outbox.objects.create(
         host=host, action_id=_transfer_id(made), kind=body["t"], body=body, at=now()

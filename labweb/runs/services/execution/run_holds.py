@@ -20,7 +20,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError
 from labweb.domain.runs.exclusive_use import run_claims as rules
 from labweb.domain.runs.exclusive_use.run_claims import Claims, RunClaim
-from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, Party, Refusal, UseMode, Why
+from labweb.domain.runs.exclusive_use.run_holds import HoldAsk, HoldRefusal, Party, UseMode, Why
 from labweb.domain.runs.states.job_states import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
@@ -128,7 +128,7 @@ def _taken(
     }
 
 
-def _waiting(refused: Refusal, ask: HoldAsk, number: int) -> LockedError:
+def _waiting(refused: HoldRefusal, ask: HoldAsk, number: int) -> LockedError:
     name = resource_selectors.names([refused.resource_id])[refused.resource_id]
     hold = reads.holds_of([refused.run_id]).filter(resource_id=refused.resource_id).first()
     until = None if hold is None else hold.until_step

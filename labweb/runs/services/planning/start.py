@@ -53,7 +53,7 @@ _REQUEST_LIFE = timedelta(hours=24)
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class StartWish:
     """A node beside a host asked for the run, in the actor's name."""
 
     ask_id: UUID
@@ -68,7 +68,7 @@ def start_run(
     *,
     actor: User,
     seen_digest: str | None = None,
-    wish: Wish | None = None,
+    wish: StartWish | None = None,
     is_asked: bool = False,
 ) -> Run:
     """Compile a version against the lab as it is and queue it, or ask for approval.
@@ -133,7 +133,7 @@ def _claimed(plan: Plan, view: PlannerView) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class StartScene:
     """All that a start asks of a lab, which is locked."""
 
     lab: Lab
@@ -148,7 +148,7 @@ class Scene:
     """By each device that was admitted."""
 
 
-def hold_scene(lab_id: UUID, actor: User) -> Scene:
+def hold_scene(lab_id: UUID, actor: User) -> StartScene:
     """Lock the lab, and read under the lock all that a start asks of it; one exchange.
 
     Raises:
@@ -165,7 +165,7 @@ def hold_scene(lab_id: UUID, actor: User) -> Scene:
     )
     lab = resource_selectors.locked(labs, lab_id)
     ids = resource_selectors.allowed_of(allowed, actor, may)
-    return Scene(
+    return StartScene(
         lab=lab,
         reach=resource_selectors.Reach(actor, may, ids),
         rules=rules,
@@ -176,7 +176,7 @@ def hold_scene(lab_id: UUID, actor: User) -> Scene:
     )
 
 
-def _admit(version: WorkflowVersion, scene: Scene, actor: User, *, is_asked: bool) -> None:
+def _admit(version: WorkflowVersion, scene: StartScene, actor: User, *, is_asked: bool) -> None:
     """Refuse who may not start it before anything is told of the lab and of other runs."""
     scene.reach.require(named(scene.view, version.document))
     if scene.lab.is_stopped:

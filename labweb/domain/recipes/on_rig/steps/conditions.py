@@ -5,7 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
-from labweb.domain.recipes.on_rig.equipment import Thermostat, VesselSort
+from labweb.domain.recipes.on_rig.equipment import RigThermostat, VesselSort
 from labweb.domain.recipes.on_rig.making import BESIDE, BY_HAND, TIMER, Making, estimate, say
 from labweb.domain.recipes.on_rig.meetings import most_of
 from labweb.domain.recipes.on_rig.wastes import look_at_meeting
@@ -166,7 +166,7 @@ def _thermostat(
     return None
 
 
-def _fitness(thermostat: Thermostat, wanted: Decimal) -> int:
+def _fitness(thermostat: RigThermostat, wanted: Decimal) -> int:
     is_heater = (thermostat.low_c or Decimal(0)) > 0
     return int(is_heater != (wanted >= Decimal(int(ROOM_C))))
 

@@ -11,7 +11,7 @@ from uuid import UUID, uuid5
 
 import msgspec
 
-from labweb.domain.crutd.operations import Product, React, Share
+from labweb.domain.crutd.operations import Product, React, ReactantShare
 from labweb.domain.errors import UnitError
 from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
@@ -45,7 +45,7 @@ def plan_react(step: Step, drafting: Drafting) -> DraftStep:
     )
 
 
-def _shares(step: Step, drafting: Drafting) -> tuple[Share, ...]:
+def _shares(step: Step, drafting: Drafting) -> tuple[ReactantShare, ...]:
     view, shares = drafting.view, []
     consumed = step.params["consumed"]
     if not 0 < len(consumed) <= 100:
@@ -59,9 +59,9 @@ def _shares(step: Step, drafting: Drafting) -> tuple[Share, ...]:
             continue
         try:
             if phase is Phase.LIQUID:
-                shares.append(Share(lot_id=UUID(lot), amount_nl=parse_volume_nl(text)))
+                shares.append(ReactantShare(lot_id=UUID(lot), amount_nl=parse_volume_nl(text)))
             else:
-                shares.append(Share(lot_id=UUID(lot), amount_ug=parse_mass_ug(text)))
+                shares.append(ReactantShare(lot_id=UUID(lot), amount_ug=parse_mass_ug(text)))
         except UnitError as error:
             drafting.refuse(step, error.code, f"{key}: {error.message}", _CONSUMED, lot=key)
     return tuple(shares)
