@@ -26,12 +26,9 @@ from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, states
 from tests.labweb.runs.promises import keeps
 from tests.labweb.web import call, signed_in
 
+WARM = {"temperature_c": 41.5}
 HALTED = ActionReport(
-    ok=False,
-    effect=Effect.PARTIAL,
-    code="device.stopped",
-    message="stopped",
-    evidence={"temperature_c": 41.5},
+    ok=False, effect=Effect.PARTIAL, code="device.stopped", message="stopped", evidence=WARM
 )
 STANDS = "its device was halted, and stands"
 

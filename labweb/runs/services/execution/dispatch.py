@@ -50,16 +50,8 @@ from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services.driver_switches import switch_before
-from labweb.runs.services.execution import run_holds
+from labweb.runs.services.execution import job_states, run_holds
 from labweb.runs.services.execution.failure_containment import doubt_command
-from labweb.runs.services.execution.job_states import (
-    announce,
-    check_not_halting,
-    hold_job,
-    moving,
-    noting_sent,
-    refresh_run,
-)
 
 logger = logging.getLogger(__name__)
 
@@ -96,7 +88,7 @@ def dispatch_job(run_id: UUID, view: JobView) -> bool:
         run_holds.note_waiting(run_id, error)
         return False
     except PreconditionError as error:
-        hold_job(view.id, error)
+        job_states.hold_job(view.id, error)
         return False
 
 
@@ -149,11 +141,11 @@ def _dispatch(run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = No
     command = command_of(
         job, attempt, [view_of(row, found.states[row.id]) for row in found.rows.values()]
     )
-    noting = noting_sent(run)
+    noting = job_states.noting_sent(run)
     _, ((row_id,),), *_ = together(
         found.opening,
         _keeping(attempt, command),
-        moving(job, JobState.DISPATCHED, Mover.SCHEDULER, **(fields or {})),
+        job_states.moving(job, JobState.DISPATCHED, Mover.SCHEDULER, **(fields or {})),
         *(noting or ()),
         *granted.writing,
     )
@@ -161,9 +153,9 @@ def _dispatch(run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = No
     row = Outbox(pk=row_id, host=host, action_id=attempt.id, kind="do", body=body)
     # The command goes as soon as it is on disk; where this fails, the relay finds it.
     on_commit(partial(_publish, row), robust=True)
-    on_commit(partial(announce, run.id, job.id))
+    on_commit(partial(job_states.announce, run.id, job.id))
     if noting is None:
-        refresh_run(run.pk)
+        job_states.refresh_run(run.pk)
     return True
 
 
@@ -203,7 +195,7 @@ def hold_for_dispatch(
     is_elsewhere = job.device.host_id != host.pk
     if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
         return None
-    check_not_halting([job], {device_id for (device_id,) in halting})
+    job_states.check_not_halting([job], {device_id for (device_id,) in halting})
     return ToDispatch(host, run, job, numbers[0])
 
 
