@@ -77,6 +77,16 @@ def full_folders(paths: Iterable[Path]) -> dict[str, int]:
     }
 
 
+def packages_with_content(trees: Iterable[tuple[Path, ast.Module]]) -> list[Path]:
+    """Return the packages that define something themselves: nobody looks for a rule there."""
+    return [
+        path
+        for path, tree in trees
+        if path.name == "__init__.py"
+        and any(isinstance(node, (*_FUNCTIONS, ast.ClassDef)) for node in tree.body)
+    ]
+
+
 def long_classes(path: Path, tree: ast.Module) -> list[LongClass]:
     """Report the classes of one file that have too many lines or methods."""
     found = []
@@ -182,6 +192,9 @@ def report() -> Iterator[str]:
     folders = full_folders(found)
     yield f"folders with more than {MAX_FOLDER_MODULES} modules: {len(folders)}"
     yield from (f"  {count} {folder}" for folder, count in folders.items())
+    full = packages_with_content(found.items())
+    yield f"packages with content of their own: {len(full)}"
+    yield from (f"  {path}" for path in full)
     classes = [each for path, tree in found.items() for each in long_classes(path, tree)]
     yield (
         f"classes with more than {MAX_CLASS_LINES} lines or {MAX_CLASS_METHODS} methods: "

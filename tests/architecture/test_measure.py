@@ -16,6 +16,10 @@ def test_no_folder_is_full() -> None:
     assert not measure.full_folders(measure.trees())
 
 
+def test_a_package_defines_nothing_itself() -> None:
+    assert not measure.packages_with_content(measure.trees().items())
+
+
 def test_classes_do_not_get_longer() -> None:
     found = [
         each for path, tree in measure.trees().items() for each in measure.long_classes(path, tree)
@@ -48,6 +52,13 @@ def test_a_folder_of_twenty_six_modules_is_full() -> None:
     modules = [Path("a", f"m{number}.py") for number in range(25)]
     assert not measure.full_folders([*modules, Path("a", "__init__.py"), Path("a/b", "c.py")])
     assert measure.full_folders([*modules, Path("a", "m25.py")]) == {"a": 26}
+
+
+def test_a_package_with_a_function_has_content_and_one_with_imports_has_none() -> None:
+    package = Path("a", "__init__.py")
+    imports = ast.parse("from a.b import c\n__all__ = ['c']")
+    assert not measure.packages_with_content([(package, imports)])
+    assert measure.packages_with_content([(package, ast.parse("def f(): ..."))]) == [package]
 
 
 def test_a_class_of_twenty_one_methods_is_long() -> None:

@@ -2,354 +2,186 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from datetime import datetime
-from typing import NamedTuple
-from uuid import UUID
-
-from django.db.models import CharField, Q, QuerySet, UUIDField, Value
-from django.db.models.functions import Cast, Concat
-
-from labweb.accounts import selectors as account_selectors
-from labweb.approvals import selectors as approval_selectors
-from labweb.common import disk
-from labweb.common.database.prepared_queries import Given, Prepared
-from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.disk_space import DiskRoomLevel
-from labweb.domain.errors import NotFoundError
-from labweb.domain.graph.lab_file.lab_model import LabMode
-from labweb.domain.runs.after_failure.recovery_choices import RunWaitCause
-from labweb.domain.runs.host_link.host_session import SessionState
-from labweb.domain.runs.states.job_states import AT_EDGE, JobState, RunState
-from labweb.enrollment import selectors as enrollment_selectors
-from labweb.enrollment.selectors import Device, EdgeHost
-from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab
-from labweb.runs.answers.lab import LabCounts, LabStop, LabSummary, StopHost
-from labweb.runs.models import Attempt as Attempt
-from labweb.runs.models import Custody as Custody
-from labweb.runs.models import DeviceHalt as DeviceHalt
-from labweb.runs.models import HostEvent as HostEvent
-from labweb.runs.models import Job as Job
-from labweb.runs.models import Outbox as Outbox
-from labweb.runs.models import Run as Run
-from labweb.runs.selectors.custody import find_move as find_move
-from labweb.runs.selectors.custody import hands_between as hands_between
-from labweb.runs.selectors.custody import hosts_between as hosts_between
-from labweb.runs.selectors.custody import hosts_of_carry as hosts_of_carry
-from labweb.runs.selectors.custody import is_told as is_told
-from labweb.runs.selectors.custody import moves_of as moves_of
-from labweb.runs.selectors.custody import moves_of_run as moves_of_run
-from labweb.runs.selectors.custody import open_move_of as open_move_of
-from labweb.runs.selectors.custody import owner_of as owner_of
-from labweb.runs.selectors.doubt_readings import CONTRADICTED_BY as CONTRADICTED_BY
-from labweb.runs.selectors.doubt_readings import UNREAD as UNREAD
-from labweb.runs.selectors.doubt_readings import asked_nl as asked_nl
-from labweb.runs.selectors.doubt_readings import contradicted as contradicted
-from labweb.runs.selectors.doubt_readings import has_older_doubt as has_older_doubt
-from labweb.runs.selectors.doubt_readings import measured_of as measured_of
-from labweb.runs.selectors.doubt_readings import unread_answers as unread_answers
-from labweb.runs.selectors.jobs_without_plans import with_runs as with_runs
-from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
-from labweb.runs.selectors.recovery import choices_after as choices_after
-from labweb.runs.selectors.recovery import ended_job as ended_job
-from labweb.runs.selectors.recovery import evidence_left as evidence_left
-from labweb.runs.selectors.recovery import halted_jobs as halted_jobs
-from labweb.runs.selectors.recovery import has_paused as has_paused
-from labweb.runs.selectors.recovery import is_discarded as is_discarded
-from labweb.runs.selectors.recovery import is_unanswered as is_unanswered
-from labweb.runs.selectors.recovery import later_jobs as later_jobs
-from labweb.runs.selectors.recovery import moved_nl as moved_nl
-from labweb.runs.selectors.recovery import partner_job as partner_job
-from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
-from labweb.runs.selectors.recovery import recovery_of as recovery_of
-from labweb.runs.selectors.recovery import waits_of as waits_of
-from labweb.runs.selectors.run_needs import LIVE as LIVE
-from labweb.runs.selectors.run_needs import jobs_that_ask as jobs_that_ask
-from labweb.runs.selectors.run_needs import runs_that_need as runs_that_need
-from labweb.runs.selectors.run_needs import runs_that_wait as runs_that_wait
-from labweb.runs.selectors.scheduling import HALTING_AT as HALTING_AT
-from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
-from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
-from labweb.runs.selectors.scheduling import asking as asking
-from labweb.runs.selectors.scheduling import asking_number as asking_number
-from labweb.runs.selectors.scheduling import asking_run_number as asking_run_number
-from labweb.runs.selectors.scheduling import attempt_for_update as attempt_for_update
-from labweb.runs.selectors.scheduling import due_outbox as due_outbox
-from labweb.runs.selectors.scheduling import halts_of as halts_of
-from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
-from labweb.runs.selectors.scheduling import is_halting as is_halting
-from labweb.runs.selectors.scheduling import job_for_update as job_for_update
-from labweb.runs.selectors.scheduling import last_halt as last_halt
-from labweb.runs.selectors.scheduling import next_number as next_number
-from labweb.runs.selectors.scheduling import open_halts as open_halts
-from labweb.runs.selectors.scheduling import owed_halts as owed_halts
-from labweb.runs.selectors.scheduling import run_for_update as run_for_update
-from labweb.runs.selectors.scheduling import to_schedule as to_schedule
-from labweb.runs.selectors.scheduling import views as views
-from labweb.runs.selectors.stated_lots import to_state as to_state
-from labweb.runs.selectors.unread_devices import silent_devices as silent_devices
-from labweb.runs.selectors.unread_devices import standing_jobs as standing_jobs
-
-
-def runs_of(lab: Lab) -> QuerySet[Run]:
-    """Runs of a lab, newest first."""
-    return Run.objects.filter(lab=lab).select_related("version__workflow", "created_by", "lab")
-
-
-def visible_runs(lab: Lab, seen: Collection[UUID]) -> QuerySet[Run]:
-    """Runs that use none but the given resources, newest first; all to who sees the root."""
-    if resource_selectors.root_of(lab).id in seen:
-        return runs_of(lab)
-    shown = [str(node) for node in seen]
-    hidden = Job.objects.filter(run__lab=lab).exclude(locks__contained_by=shown)
-    return runs_of(lab).exclude(pk__in=hidden.values("run_id"))
-
-
-def runs_named(rows: QuerySet[Run], text: str) -> QuerySet[Run]:
-    """Return those of the runs whose name has a text, `Run #12 Move water`; in any case."""
-    number = Cast("number", CharField())
-    name = Concat(Value("Run #"), number, Value(" "), "version__workflow__name")
-    return rows.alias(called=name).filter(called__icontains=text)
-
-
-def waiting_runs(version_id: UUID) -> list[Run]:
-    """Runs of a version that have not begun, newest first."""
-    over = [RunState.COMPLETE.value, RunState.ABORTED.value]
-    rows = Run.objects.filter(version_id=version_id, started_at=None).exclude(state__in=over)
-    return list(rows.order_by("-number"))
-
-
-def find_run(run_id: UUID) -> Run:
-    """Return a run.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    row = (
-        Run.objects.filter(pk=run_id)
-        .select_related("version__workflow", "created_by", "lab")
-        .first()
-    )
-    if row is None:
-        raise NotFoundError(f"no run {run_id}", code="run.not_found")
-    return row
-
-
-def named_run(text: str) -> Run:
-    """Return a run by its id, or by its number, with `#` before it or not.
-
-    Raises:
-        NotFoundError: There is none, or the text is neither.
-    """
-    number = text.removeprefix("#")
-    if number.isascii() and number.isdigit() and len(number) < 10:
-        row = runs_of(resource_selectors.the_lab()).filter(number=int(number)).first()
-        if row is None:
-            raise NotFoundError(f"there is no run #{number}", code="run.not_found")
-        return row
-    try:
-        return find_run(UUID(text))
-    except ValueError as error:
-        what = f"{text!r} is neither the id nor the number of a run"
-        raise NotFoundError(what, code="run.not_found") from error
-
-
-def jobs_of(run: Run) -> QuerySet[Job]:
-    """Jobs of a run in plan order, with devices."""
-    return run.jobs.select_related("device__host").order_by("index")
-
-
-JOBS_OF = Prepared(
-    lambda: (
-        Job.objects.filter(run_id=Given("run", UUIDField()))
-        .select_related("device__host")
-        .order_by("index")
-    )
+from labweb.runs.models import Attempt, Custody, DeviceHalt, HostEvent, Job, Outbox, Run
+from labweb.runs.selectors.custody import (
+    find_move,
+    hands_between,
+    hosts_between,
+    hosts_of_carry,
+    is_told,
+    moves_of,
+    moves_of_run,
+    open_move_of,
+    owner_of,
 )
-"""The same, for a page that asks more besides."""
+from labweb.runs.selectors.doubt_readings import (
+    CONTRADICTED_BY,
+    UNREAD,
+    asked_nl,
+    contradicted,
+    has_older_doubt,
+    measured_of,
+    unread_answers,
+)
+from labweb.runs.selectors.jobs import (
+    JOBS_OF,
+    answers_under_way,
+    doubts_at,
+    find_job,
+    halts_since,
+    has_suspended_jobs,
+    host_events,
+    jobs_at,
+    jobs_at_devices,
+    jobs_in_doubt,
+    jobs_of,
+    jobs_with_runs,
+    last_attempt,
+    runs_with_waiting_jobs,
+    work_at,
+)
+from labweb.runs.selectors.jobs_without_plans import with_runs
+from labweb.runs.selectors.recovery import (
+    accepted_departures,
+    choices_after,
+    ended_job,
+    evidence_left,
+    halted_jobs,
+    has_paused,
+    is_discarded,
+    is_unanswered,
+    later_jobs,
+    moved_nl,
+    partner_job,
+    recovery_choices,
+    recovery_of,
+    waits_of,
+)
+from labweb.runs.selectors.run_needs import LIVE, jobs_that_ask, runs_that_need, runs_that_wait
+from labweb.runs.selectors.runs import (
+    LastRun,
+    find_run,
+    last_runs,
+    named_run,
+    runs_by_id,
+    runs_named,
+    runs_of,
+    visible_runs,
+    waiting_runs,
+)
+from labweb.runs.selectors.scheduling import (
+    HALTING_AT,
+    JOB_TO_LOCK,
+    RUN_TO_LOCK,
+    asking,
+    asking_number,
+    asking_run_number,
+    attempt_for_update,
+    due_outbox,
+    halts_of,
+    hold_run_of,
+    is_halting,
+    job_for_update,
+    last_halt,
+    next_number,
+    open_halts,
+    owed_halts,
+    run_for_update,
+    to_schedule,
+    views,
+)
+from labweb.runs.selectors.stated_lots import to_state
+from labweb.runs.selectors.summary_of_lab import lab_summary
+from labweb.runs.selectors.unread_devices import silent_devices, standing_jobs
 
-
-def jobs_with_runs(lab: Lab, seen: Collection[UUID], ids: Iterable[UUID]) -> QuerySet[Job]:
-    """Return those of the jobs whose runs use none but the given resources."""
-    runs = visible_runs(lab, seen).values("pk")
-    return with_runs(Job.objects.filter(pk__in=list(ids), run__in=runs))
-
-
-def find_job(job_id: UUID) -> Job:
-    """Return a job with its run and device.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    row = Job.objects.filter(pk=job_id).select_related("run__lab", "device__host").first()
-    if row is None:
-        raise NotFoundError(f"no job {job_id}", code="job.not_found")
-    return row
-
-
-def has_suspended_jobs() -> bool:
-    """Say whether any job waits for a host that went away."""
-    return Job.objects.filter(state=JobState.SUSPENDED.value).exists()
-
-
-def runs_with_waiting_jobs() -> QuerySet[Run]:
-    """Runs with a job that is queued or suspended, oldest first."""
-    waiting = Job.objects.filter(state__in=[JobState.QUEUED.value, JobState.SUSPENDED.value])
-    return Run.objects.filter(pk__in=waiting.values("run_id")).order_by("created_at")
-
-
-def last_attempt(job: Job) -> Attempt | None:
-    """Return the newest try of a job."""
-    return job.attempts.order_by("-number").first()
-
-
-def jobs_in_doubt(lab: Lab) -> QuerySet[Job]:
-    """Jobs whose outcome nobody knows."""
-    rows = Job.objects.filter(run__lab=lab, state=JobState.IN_DOUBT.value)
-    return with_runs(rows, "run__version__workflow", "device").order_by("state_at")
-
-
-def jobs_at(host: EdgeHost) -> QuerySet[Job]:
-    """Lock and return the jobs that were dispatched to a host and have not ended."""
-    states = [state.value for state in AT_EDGE]
-    rows = Job.objects.filter(device__host=host, state__in=states).order_by("id")
-    return with_runs(rows).select_for_update(of=("self",), no_key=True)
-
-
-def work_at(host: EdgeHost) -> QuerySet[Job]:
-    """Jobs of a host that were sent and have not ended, or that nobody knows about."""
-    states = [state.value for state in (*AT_EDGE, JobState.IN_DOUBT)]
-    rows = with_runs(Job.objects.filter(device__host=host, state__in=states))
-    return rows.order_by("-run__number", "index")
-
-
-def doubts_at(host: EdgeHost) -> QuerySet[Job]:
-    """Jobs of a host whose outcome nobody knows."""
-    return Job.objects.filter(device__host=host, state=JobState.IN_DOUBT.value)
-
-
-def host_events(action_ids: list[UUID]) -> QuerySet[HostEvent]:
-    """Events of hosts about some actions, oldest first."""
-    return HostEvent.objects.filter(action_id__in=action_ids).order_by("id")
-
-
-def halts_since(attempt: Attempt, device: Device) -> list[str]:
-    """Return what its host told of the start of a try and of halts of its device, since then."""
-    started = Q(kind="started", action_id=attempt.pk)
-    halted = Q(kind="halted", body__device_id=str(device.id), received_at__gte=attempt.at)
-    rows = HostEvent.objects.filter(started | halted, host=attempt.host).order_by("id")
-    return list(rows.values_list("kind", flat=True))
-
-
-def runs_by_id(ids: Iterable[UUID]) -> dict[UUID, Run]:
-    """Return runs by id, with workflow and lab."""
-    rows = Run.objects.filter(pk__in=list(ids)).select_related("version__workflow", "lab")
-    return {row.id: row for row in rows}
-
-
-class LastRun(NamedTuple):
-    """The newest run of a workflow."""
-
-    run: Run
-    waits_for: RunWaitCause | None
-    """What a person has to say before it can go on."""
-
-
-def last_runs(lab: Lab) -> dict[UUID, LastRun]:
-    """Return the newest run of each workflow, and what it waits for."""
-    rows = list(
-        Run.objects.filter(lab=lab)
-        .select_related("version")
-        .order_by("version__workflow_id", "-number")
-        .distinct("version__workflow_id")
-    )
-    ended = {RunState.COMPLETE.value, RunState.ABORTED.value}
-    waits = waits_of(row.id for row in rows if row.state not in ended)
-    return {row.version.workflow_id: LastRun(row, waits.get(row.id)) for row in rows}
-
-
-def answers_under_way(ids: Iterable[UUID]) -> dict[UUID, tuple[str, datetime]]:
-    """Return by action whose answer about it is on its way to the host, and since when."""
-    rows = Outbox.objects.filter(action_id__in=list(ids), kind="resolve", settled_at__isnull=True)
-    found = list(rows.values_list("action_id", "body__issued_by", "at"))
-    names = account_selectors.printed_names({by for _, by, _ in found}) if found else {}
-    return {action_id: (names.get(by, by), at) for action_id, by, at in found}
-
-
-def lab_summary(lab: Lab) -> LabSummary:
-    """Return the lab as every page shows it."""
-    live = Run.objects.filter(lab=lab, state__in=LIVE)
-    doubts = jobs_in_doubt(lab).count()
-    alone = runs_that_wait(live).count()  # a run with a job in doubt is one thing, not two
-    tickets = crutd_selectors.open_tickets(lab).count()
-    unknown = len(crutd_selectors.given_up(lab)) + len(owed_halts(lab.pk))
-    waiting = approval_selectors.requests_of(lab).filter(state="open", driver_id=None).count()
-    brought = approval_selectors.open_about_drivers(lab).count()
-    known = list(enrollment_selectors.hosts_of(lab))
-    return LabSummary(
-        id=lab.id,
-        key=lab.key,
-        name=lab.name,
-        mode=LabMode(lab.mode),
-        time_zone=lab.time_zone,
-        speed=max((host.pace for host in known), default=1.0),
-        stop=_stop(lab, known),
-        counts=LabCounts(
-            runs_live=live.count(),
-            approvals_open=waiting,
-            drivers_open=brought,
-            needs_you=doubts
-            + alone
-            + waiting
-            + brought
-            + unknown
-            + tickets
-            + lab.is_stopped
-            + len(silent_devices())
-            + _short_disks_count(known),
-        ),
-    )
-
-
-def _short_disks_count(known: list[EdgeHost]) -> int:
-    told = [disk.server_disk(), *(one for _, one in enrollment_selectors.disks_of(known))]
-    return sum(one is not None and one.level(disk.floors()) is not DiskRoomLevel.OK for one in told)
-
-
-def _stop(lab: Lab, known: list[EdgeHost]) -> LabStop:
-    hosts = [
-        StopHost(
-            id=host.id,
-            name=host.name,
-            state=SessionState(host.state),
-            acknowledged_at=host.stop_acknowledged_at
-            if host.stop_acknowledged == lab.stop_id
-            else None,
-            after_s=_after_s(lab, host),
-        )
-        for host in known
-    ]
-    return LabStop(
-        is_stopped=lab.is_stopped,
-        stop_id=lab.stop_id,
-        stopped_at=lab.stopped_at,
-        stopped_by=None if lab.stopped_by is None else lab.stopped_by.printed_name,
-        hosts=hosts if lab.is_stopped else [],
-    )
-
-
-def _after_s(lab: Lab, host: EdgeHost) -> float | None:
-    """Return how long a host took to acknowledge the stop; None: it has not, or nobody knows."""
-    at, since = host.stop_acknowledged_at, lab.stopped_at
-    if at is None or since is None or host.stop_acknowledged != lab.stop_id:
-        return None
-    took_s = (at - since).total_seconds()
-    return round(took_s, 3) if took_s >= 0 else None
-
-
-def jobs_at_devices(device_ids: Iterable[UUID]) -> dict[UUID, Job]:
-    """Return the job each device has now, from dispatch to its end."""
-    states = [state.value for state in (*AT_EDGE, JobState.IN_DOUBT)]
-    rows = Job.objects.filter(device_id__in=list(device_ids), state__in=states)
-    return {row.device_id: row for row in with_runs(rows).order_by("-state_at")}
+__all__ = [
+    "CONTRADICTED_BY",
+    "HALTING_AT",
+    "JOBS_OF",
+    "JOB_TO_LOCK",
+    "LIVE",
+    "RUN_TO_LOCK",
+    "UNREAD",
+    "Attempt",
+    "Custody",
+    "DeviceHalt",
+    "HostEvent",
+    "Job",
+    "LastRun",
+    "Outbox",
+    "Run",
+    "accepted_departures",
+    "answers_under_way",
+    "asked_nl",
+    "asking",
+    "asking_number",
+    "asking_run_number",
+    "attempt_for_update",
+    "choices_after",
+    "contradicted",
+    "doubts_at",
+    "due_outbox",
+    "ended_job",
+    "evidence_left",
+    "find_job",
+    "find_move",
+    "find_run",
+    "halted_jobs",
+    "halts_of",
+    "halts_since",
+    "hands_between",
+    "has_older_doubt",
+    "has_paused",
+    "has_suspended_jobs",
+    "hold_run_of",
+    "host_events",
+    "hosts_between",
+    "hosts_of_carry",
+    "is_discarded",
+    "is_halting",
+    "is_told",
+    "is_unanswered",
+    "job_for_update",
+    "jobs_at",
+    "jobs_at_devices",
+    "jobs_in_doubt",
+    "jobs_of",
+    "jobs_that_ask",
+    "jobs_with_runs",
+    "lab_summary",
+    "last_attempt",
+    "last_halt",
+    "last_runs",
+    "later_jobs",
+    "measured_of",
+    "moved_nl",
+    "moves_of",
+    "moves_of_run",
+    "named_run",
+    "next_number",
+    "open_halts",
+    "open_move_of",
+    "owed_halts",
+    "owner_of",
+    "partner_job",
+    "recovery_choices",
+    "recovery_of",
+    "run_for_update",
+    "runs_by_id",
+    "runs_named",
+    "runs_of",
+    "runs_that_need",
+    "runs_that_wait",
+    "runs_with_waiting_jobs",
+    "silent_devices",
+    "standing_jobs",
+    "to_schedule",
+    "to_state",
+    "unread_answers",
+    "views",
+    "visible_runs",
+    "waiting_runs",
+    "waits_of",
+    "with_runs",
+    "work_at",
+]
