@@ -14,7 +14,7 @@ from labweb.domain.graph.lab_file.binding_file import BindingFile, read_binding
 from labweb.domain.graph.lab_file.lab_model import LabFile, LabFileLot, LabFileMaterial, entry_id
 from labweb.domain.graph.ports_and_connections import Medium
 from labweb.domain.recipes.graph_formats.lab_of_any_format import Format, LabDocument
-from labweb.domain.resources.contents import LotId, Phase, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, Phase, total_nl
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import Nature
 from labweb.domain.workflows.passes.lab_view import PlannerView

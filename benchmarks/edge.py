@@ -30,7 +30,7 @@ from tests.faults.kills.lab import Ledger
 from tests.workers.bench import ROOT, SPACE, Server
 from workers.base.celery_apps import ACCEPT, post
 from workers.base.config import HostConfig, ValkeyConfig, command_queue
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.valkey_store import ValkeyStore
 from workers.host.valkey_process import find_valkey
 

@@ -25,7 +25,7 @@ from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.messages.commands import Do, Resolve
 from labweb.domain.messages.events import EdgeEvent, event_hash
 from labweb.domain.messages.session import Hello, hello_bytes
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.runs.host_journal import action_states as edge
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, EdgeHost

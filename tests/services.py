@@ -20,8 +20,8 @@ import pytest
 
 from deploy import embedded
 from deploy.embedded import external, postgres
+from deploy.embedded.database_and_broker import Stack
 from deploy.embedded.layout import Layout
-from deploy.embedded.stack import Stack
 from tests import tables
 from tests.rooms import with_database
 

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from deploy import embedded
 from deploy.embedded import processes, stages
+from deploy.embedded.database_and_broker import clean_environment
 from deploy.embedded.layout import CHECKOUT, DEFAULT_LAB, Layout, open_data_directory
 from deploy.embedded.postgres import Postgres
-from deploy.embedded.stack import clean_environment
 
 KEPT = CHECKOUT / ".cache" / "tables"
 

@@ -4,7 +4,7 @@ Nothing here imports labweb. The programs come from two wheels and from this che
 and are reached by their command lines and their environment alone.
 """
 
+from deploy.embedded.database_and_broker import services
 from deploy.embedded.errors import EmbeddedError
-from deploy.embedded.stack import services
 
 __all__ = ["EmbeddedError", "services"]

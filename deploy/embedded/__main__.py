@@ -12,13 +12,13 @@ from pathlib import Path
 from types import FrameType
 
 from deploy.embedded import external, procfs, record, room
+from deploy.embedded.database_and_broker import clean_environment, services
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.guard import guarded
 from deploy.embedded.layout import DEFAULT_LAB, Layout, data_directory_of
 from deploy.embedded.manage import manage
 from deploy.embedded.processes import table as default_processes
 from deploy.embedded.session import Options, ProcessTable, StageTable, run
-from deploy.embedded.stack import clean_environment, services
 from deploy.embedded.stages import table as default_stages
 
 FAILED = 1

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from deploy.embedded.children import Process, StopOrder
+from deploy.embedded.database_and_broker import clean_environment
 from deploy.embedded.layout import CHECKOUT, Layout
 from deploy.embedded.postgres import APP_ROLE
 from deploy.embedded.record import MARK
-from deploy.embedded.stack import clean_environment
 
 HOST = "127.0.0.1"
 SETTINGS = "labweb.settings.local"

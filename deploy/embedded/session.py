@@ -12,6 +12,7 @@ from time import monotonic
 from deploy.embedded import belongs, external, processes, record, stages
 from deploy.embedded.children import Process, last_lines
 from deploy.embedded.console import Console, welcome
+from deploy.embedded.database_and_broker import Stack, claim, clean_environment, wait_ready
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.health import Health
 from deploy.embedded.layout import (
@@ -21,7 +22,6 @@ from deploy.embedded.layout import (
     open_sockets,
 )
 from deploy.embedded.processes import HOST, Site
-from deploy.embedded.stack import Stack, claim, clean_environment, wait_ready
 from deploy.embedded.supervise import StopRequestError, Supervisor
 
 LATE_START_S = 10.0

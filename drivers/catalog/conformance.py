@@ -23,8 +23,8 @@ from drivers.catalog.inspect import (
     device_classes,
     module_lines,
 )
-from drivers.catalog.marks import marks, timeouts
 from drivers.catalog.source import Source
+from drivers.catalog.timeouts_and_intervals import marks, timeouts
 from labweb.domain.enrollment.driver_spec import UNITS, unit_suffix
 from labweb.domain.errors import Finding
 

@@ -16,7 +16,7 @@ CARRIERS = {"serial": "pty", "tcp": "tcp"}
 """Transports that a new driver can have, and what carries the bytes of its simulated instrument."""
 
 MODELS = Path("fixtures", "instruments", "models.py")
-PLACES = Path("labweb", "domain", "graph", "lab_file", "bench.py")
+PLACES = Path("labweb", "domain", "graph", "lab_file", "simulated_bench.py")
 PROBES = Path("tests", "fixtures", "model_probes.py")
 LISTS = (MODELS, PLACES, PROBES)
 """Files of a checkout in which a simulated instrument is entered."""

@@ -12,7 +12,7 @@ from drivers.transports.http import HttpTransport
 from drivers.transports.modbus import ModbusTransport, serial_client, tcp_client
 from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.transports.ros2.link import HIGHEST_DOMAIN, LinkSettings
-from drivers.transports.ros2.names import check_name
+from drivers.transports.ros2.ros_names import check_name
 from drivers.transports.ros2.transport import Ros2Transport
 from drivers.transports.s7.transport import S7Transport
 from drivers.transports.serial import SerialSettings, SerialTransport, serial_line

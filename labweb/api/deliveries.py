@@ -19,7 +19,7 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.answers.deliveries import DeliveredLot, DeliveredLots
-from labweb.api.parsers import MAX_BODY_BYTES, StrictJSONParser, TooLargeError
+from labweb.api.json_bodies import MAX_BODY_BYTES, StrictJSONParser, TooLargeError
 from labweb.common.requests import body
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.delivery_table import read_deliveries

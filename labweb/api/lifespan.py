@@ -12,7 +12,7 @@ from celery import Celery
 from django.conf import settings
 from django.db import OperationalError, connection
 
-from labweb.common.heap import freeze_heap
+from labweb.common.garbage_collection import freeze_heap
 from labweb.runs.api.run_details import render_run
 from labweb.runs.services import rehearse_start
 

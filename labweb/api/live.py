@@ -20,9 +20,9 @@ from django.http.request import split_domain_port, validate_host
 
 from labweb.accounts.selectors import User
 from labweb.api.access.token_sign_in import bearer_of, caller_of, token_of
-from labweb.api.parsers import finite, refuse_constant, whole
+from labweb.api.json_bodies import finite, refuse_constant, whole
 from labweb.common.feed import GROUP
-from labweb.common.limits.rates import Rate
+from labweb.common.limits.token_buckets import Rate
 from labweb.common.sockets import CLOSE_TOO_BIG, BoundedConsumer
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError

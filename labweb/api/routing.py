@@ -8,8 +8,8 @@ from channels.routing import ProtocolTypeRouter, URLRouter
 from channels.sessions import SessionMiddlewareStack
 from django.urls import re_path
 
-from labweb.api.handler import Handler
 from labweb.api.live import BrowserConsumer, NoSuchConsumer
+from labweb.api.request_lanes import Handler
 from labweb.api.twin.feed import FeedConsumer
 from labweb.api.twin.proxy import TwinConsumer
 from labweb.fleet.live import EdgeConsumer

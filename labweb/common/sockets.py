@@ -17,8 +17,8 @@ from channels.exceptions import StopConsumer
 from channels.generic.websocket import AsyncWebsocketConsumer
 from django.conf import settings
 
-from labweb.common.limits.lanes import on_lane
-from labweb.common.limits.rates import Buckets, Rate
+from labweb.common.limits.concurrency import on_lane
+from labweb.common.limits.token_buckets import Buckets, Rate
 
 logger = logging.getLogger(__name__)
 

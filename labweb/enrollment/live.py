@@ -10,7 +10,7 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.common.limits.rates import Rate
+from labweb.common.limits.token_buckets import Rate
 from labweb.common.signatures import authority
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.enrollment.host_join import JoinAsk, JoinFrame, JoinOffer, JoinWaiting

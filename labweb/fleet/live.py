@@ -14,8 +14,8 @@ import msgspec
 from labweb.approvals import services as approval_services
 from labweb.common import faults
 from labweb.common.clock import now
-from labweb.common.limits.lanes import on_lane
-from labweb.common.limits.rates import Rate
+from labweb.common.limits.concurrency import on_lane
+from labweb.common.limits.token_buckets import Rate
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.action_files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.errors import LabError

@@ -7,7 +7,7 @@ from django.db.models import Q
 
 from labweb.common.models import Base, enum_choices
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.domain.resources.resource_kinds import Nature
 
 LONGEST_TEXT = 500

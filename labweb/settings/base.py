@@ -37,7 +37,7 @@ LANES = {
     "feed": 1,
 }
 """Connections to the database that each kind of request and socket has to itself, so that none
-takes them from another; what belongs to which stands in `labweb.api.paces`."""
+takes them from another; what belongs to which stands in `labweb.api.rate_limits`."""
 
 _SPARE = 2
 """Of the start of a process, which belongs to no lane."""
@@ -213,7 +213,7 @@ REST_FRAMEWORK = {
     ],
     "DEFAULT_PERMISSION_CLASSES": ["labweb.api.access.permissions.SignedIn"],
     "DEFAULT_RENDERER_CLASSES": ["labweb.common.answers.AnswerRenderer"],
-    "DEFAULT_PARSER_CLASSES": ["labweb.api.parsers.StrictJSONParser"],
+    "DEFAULT_PARSER_CLASSES": ["labweb.api.json_bodies.StrictJSONParser"],
     "DEFAULT_SCHEMA_CLASS": "labweb.api.schema.LabSchema",
     "EXCEPTION_HANDLER": "labweb.api.errors.handle",
     "UNAUTHENTICATED_USER": "django.contrib.auth.models.AnonymousUser",

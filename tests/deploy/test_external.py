@@ -14,9 +14,9 @@ import redis
 
 from deploy import embedded
 from deploy.embedded import external
+from deploy.embedded.database_and_broker import Stack
 from deploy.embedded.external import broker_url_of, given_urls, reach, urls_for_children
 from deploy.embedded.layout import Layout
-from deploy.embedded.stack import Stack
 from tests.deploy.conftest import PLAIN_LAB, StartLab, surroundings
 
 SECRET = "pw-7Q"

@@ -13,6 +13,7 @@ from django.db.utils import OperationalError
 
 from deploy.embedded import children, stages
 from deploy.embedded.console import welcome
+from deploy.embedded.database_and_broker import claim
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.layout import (
     CHECKOUT,
@@ -25,7 +26,6 @@ from deploy.embedded.layout import (
     open_sockets,
 )
 from deploy.embedded.processes import Site, environment, table
-from deploy.embedded.stack import claim
 from deploy.embedded.stages import Ledger, Stage
 from manage import main
 
@@ -179,8 +179,8 @@ def test_a_lab_starts_without_checks_of_our_own_code_which_are_a_gate(tmp_path: 
     tables, role, lab = stages.table(site)
     assert "--skip-checks" in role.argv
     assert "--skip-checks" in tables.argv
-    for name in (lab.argv[2], "dispatcher"):
-        assert not load_command_class("labweb.runs", name).requires_system_checks
+    for app, name in (("labweb.runs", lab.argv[2]), ("labweb.fleet", "dispatcher")):
+        assert not load_command_class(app, name).requires_system_checks
     assert environment(site, {}, "t")["CELERY_SKIP_CHECKS"]
     gate = (CHECKOUT / "deploy/setup/check").read_text("utf-8")
     assert "makemigrations --check" in gate

@@ -23,7 +23,7 @@ from tests.workers.bench import BOOT_ID, HOST_ID, SYRINGE_ID, Host, a_do, until
 from tests.workers.hub import Hub
 from workers.base import faults
 from workers.base.config import HostConfig, ValkeyConfig
-from workers.base.signatures import HostKey, create_key, load_key
+from workers.base.host_key import HostKey, create_key, load_key
 from workers.base.valkey_store import ValkeyStore
 from workers.enrollment.host_identity import HostIdentity
 from workers.journal.journal import Journal

@@ -11,7 +11,7 @@ import pytest
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import BOOT_ID, HOST_ID, Host
 from workers.base.config import HostConfig, ValkeyConfig
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.valkey_store import ValkeyStore
 from workers.enrollment.host_identity import HostIdentity
 from workers.uplink.uplink import Uplink

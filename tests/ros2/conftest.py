@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 from drivers.transports.ros2.bus import Bus
-from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions
 from drivers.transports.ros2.types import Types
 from tests.fixtures.running import ROOT
 from tests.workers.conftest import store, valkey_socket

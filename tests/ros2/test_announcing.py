@@ -14,11 +14,11 @@ import msgspec
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from drivers.transports.ros2 import names
+from drivers.transports.ros2 import ros_names
 from drivers.transports.ros2.announcing import MESSAGE, TOPIC, Announcements
 from drivers.transports.ros2.bus import Bus
-from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.rtps import NO_SEQUENCE, SampleIdentity
 from drivers.transports.ros2.types import Types, type_name
@@ -34,7 +34,7 @@ from tests.fixtures.running import ROOT
 from tests.ros2.conftest import Peer
 from tests.workers.bench import HOST_ID
 from workers.base.config import DdsConfig, DiscoveryConfig, HostConfig, ValkeyConfig
-from workers.base.signatures import HostKey, load_key
+from workers.base.host_key import HostKey, load_key
 from workers.base.valkey_store import ValkeyStore
 from workers.enrollment import announce
 from workers.enrollment.discovery import Discovery, read_announcement
@@ -163,7 +163,7 @@ def test_a_stranger_on_the_bus_neither_drowns_nor_ends_it(
     until(lambda: shout.listener_count)
     shout.publish({"data": "x" * 3_000_000})
     stranger = Participant(LinkSettings(domain=DOMAIN))
-    writer = stranger.writer(names.topic(TOPIC), type_name(MESSAGE))
+    writer = stranger.writer(ros_names.topic(TOPIC), type_name(MESSAGE))
     until(lambda: stranger.matched_count(writer))
     size = (8 * 1024 * 1024).to_bytes(4, "little")
     for payload in (

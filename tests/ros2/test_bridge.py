@@ -19,9 +19,9 @@ from drivers.catalog.scan import scan
 from drivers.load import read_spec
 from drivers.transports.ros2.actions import ActionClient, GoalState
 from drivers.transports.ros2.bus import Bus, Pending, Plain
-from drivers.transports.ros2.definitions import Definitions, parse_fields
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions, parse_fields
 from drivers.transports.ros2.types import Types
 from labweb.domain.errors import DefinitionError, RejectedError
 from labweb.domain.messages.action_asks import ActionAsk, AskTold, WithdrawAsk

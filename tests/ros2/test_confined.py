@@ -13,9 +13,9 @@ from ipaddress import IPv4Interface
 import pytest
 
 from drivers.transports.ros2.bus import Bus
-from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.types import Types
 from tests.workers.bench import ROOT, environment
@@ -37,7 +37,7 @@ from workers.sandbox.confinement import Bounds, confine
 url = sys.argv[1]
 confine(Bounds(segments=segments_of([url]), has_interfaces=True))
 from drivers.transports.ros2.bus import Bus
-from drivers.transports.ros2.definitions import Definitions
+from drivers.transports.ros2.message_definitions import Definitions
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.types import Types

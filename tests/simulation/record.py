@@ -12,7 +12,7 @@ from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.crutd.settlement import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import StateError
-from labweb.domain.resources.contents import add, remove
+from labweb.domain.resources.contents_by_lot import add, remove
 from labweb.domain.runs.host_actions import host_batch
 from labweb.domain.runs.host_link.host_session import HostRecord
 from labweb.domain.runs.states import job_states

@@ -23,7 +23,7 @@ from labweb.domain.crutd.settlement import Outcome, OutcomeKind, confirmed_nl, s
 from labweb.domain.crutd.snapshot import ResourceState
 from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.graph.lab_file.simulated_bench import bench_for, endpoints_needed
-from labweb.domain.resources.contents import LotId, add, remove
+from labweb.domain.resources.contents_by_lot import LotId, add, remove
 from labweb.domain.workflows.compile_workflow import PlannerView
 from labweb.domain.workflows.plan import Plan, PlannedJob
 from tests.fixtures.running import Process

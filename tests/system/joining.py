@@ -34,7 +34,7 @@ from websockets.exceptions import ConnectionClosed
 from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes
 from labweb.domain.enrollment.host_join import SERVER_NAME, JoinOffer, code_of
 from tests.system.stack import CHECKOUT, Stack
-from workers.base.signatures import HostKey
+from workers.base.host_key import HostKey
 from workers.enrollment.host_identity import key_hash
 
 CODE = re.compile(r"^\s+([0-9A-Z]{4}-[0-9A-Z]{4}-[0-9A-Z]{4})$", re.MULTILINE)

@@ -28,7 +28,7 @@ from django.conf import settings
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from labweb.api.paces import DECLARED, Pace
+from labweb.api.rate_limits import DECLARED, Pace
 from tests.labweb.photos import a_photo
 from tests.labweb.web import methods_of, routes
 from tests.system.stack import Client, Stack, is_over, running

@@ -20,8 +20,8 @@ from typing import Any
 
 import pytest
 
+from deploy.embedded.database_and_broker import services
 from deploy.embedded.postgres import find_programs
-from deploy.embedded.stack import services
 from tests.system.stack import CHECKOUT, Stack, running
 
 FORMER = Path(__file__).with_name("former_lab.tar.xz")

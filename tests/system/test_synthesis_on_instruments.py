@@ -11,7 +11,7 @@ import pytest
 
 from labweb.common.instruments import jcamp_dx
 from labweb.domain.crutd.mass_balance import LotFacts, find_yields, mass_balance
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.workflows.compile_workflow import compile_workflow
 from tests.domain.workflows.station import recipe_document, station, station_file, workflow
 from tests.system.bench_run import BenchRun, bench_run

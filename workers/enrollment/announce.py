@@ -26,7 +26,7 @@ from labweb.domain.enrollment.device_announcements import (
     parse_dds_beacon,
 )
 from labweb.domain.errors import DefinitionError, LabError
-from workers.base.signatures import HostKey, create_key, load_key
+from workers.base.host_key import HostKey, create_key, load_key
 
 EVERY_S = 10.0
 

@@ -18,7 +18,7 @@ from cryptography.x509.oid import NameOID
 
 from labweb.domain.enrollment.host_join import SERVER_NAME, renew_due_s
 from labweb.domain.errors import EnrollmentError
-from workers.base.signatures import HostKey, create_key, load_key, write_private
+from workers.base.host_key import HostKey, create_key, load_key, write_private
 
 log = logging.getLogger(__name__)
 

@@ -43,8 +43,8 @@ from labweb.domain.enrollment.host_join import (
 from labweb.domain.errors import DefinitionError, EnrollmentError, LabError, UnreachableError
 from labweb.domain.messages.session import Refuse
 from workers.base.config import LONGEST_SOCKET_PATH
+from workers.base.host_key import HostKey, create_key, load_key, write_private
 from workers.base.host_lock import lock_folder
-from workers.base.signatures import HostKey, create_key, load_key, write_private
 from workers.enrollment.host_identity import (
     key_hash,
     signing_request,

@@ -10,7 +10,7 @@ from pathlib import Path
 from labweb.domain.errors import LabError
 from workers.base import logs
 from workers.base.config import load_config
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.host.supervisor import HostSupervisor
 from workers.journal.journal_reset import reset_journal
 

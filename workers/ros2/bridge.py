@@ -19,10 +19,10 @@ from redis.exceptions import RedisError
 from drivers.catalog.scan import inspect_bundle
 from drivers.load import read_spec
 from drivers.transports.ros2.bus import Bus, Plain, Publisher, Reply
-from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
-from drivers.transports.ros2.names import check_name, fit_name
+from drivers.transports.ros2.message_definitions import Definitions
+from drivers.transports.ros2.ros_names import check_name, fit_name
 from drivers.transports.ros2.types import Types
 from labweb.domain.enrollment.driver_spec import DriverSpec, StatusSpec
 from labweb.domain.errors import DefinitionError, LabError

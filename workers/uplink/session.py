@@ -21,7 +21,8 @@ from labweb.domain.runs.host_journal.host_moment import HostMoment
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from workers.base import faults
 from workers.base.disk_space import disk_space_of
-from workers.base.signatures import HostKey, is_signature
+from workers.base.host_key import HostKey
+from workers.base.signatures import is_signature
 from workers.journal.journal import Journal
 from workers.sandbox.confinement import describe
 

@@ -16,8 +16,8 @@ from enum import IntEnum
 from typing import Any
 
 from drivers.transports.ros2.bus import Bus, Pending, Plain, Reply
-from drivers.transports.ros2.definitions import ActionDefinition
-from drivers.transports.ros2.names import action_names, check_name
+from drivers.transports.ros2.message_definitions import ActionDefinition
+from drivers.transports.ros2.ros_names import action_names, check_name
 from labweb.domain.errors import DeviceTimeoutError, FrameError, RejectedError
 
 CANCEL_GOAL = "action_msgs/srv/CancelGoal"

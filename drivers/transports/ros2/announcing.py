@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from drivers.transports.ros2.bus import Bus, Publisher
-from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions
 from drivers.transports.ros2.types import Types
 
 TOPIC = "/labweb/beacon"

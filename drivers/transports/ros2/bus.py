@@ -25,9 +25,10 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
-from drivers.transports.ros2 import names, rtps
-from drivers.transports.ros2.definitions import ServiceDefinition
+from drivers.transports.ros2 import ros_names as names
+from drivers.transports.ros2 import rtps
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import ServiceDefinition
 from drivers.transports.ros2.rpc import Participant
 from drivers.transports.ros2.types import Types, type_name
 from labweb.domain.errors import (
@@ -305,8 +306,7 @@ class Bus:
 
         def heard(identity: rtps.SampleIdentity, sample: rtps.DataSubmessage) -> None:
             # The reader that waits for the answer is named where the request came from Fast DDS.
-            guid = identity.guid if sample.related is None else sample.related.guid
-            asked = rtps.SampleIdentity(guid, identity.sequence)
+            asked = rtps.SampleIdentity((sample.related or identity).guid, identity.sequence)
 
             def reply(value: Mapping[str, Any]) -> None:
                 services.write(replies, types.encode(service.response, value), asked)

@@ -13,9 +13,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from drivers.transports.base import Transport
-from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions
 from labweb.domain.errors import Effect, UnreachableError
 
 if TYPE_CHECKING:

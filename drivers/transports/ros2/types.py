@@ -14,7 +14,7 @@ from typing import Any
 from cyclonedds.idl import IdlStruct, make_idl_struct
 from cyclonedds.idl import types as idl
 
-from drivers.transports.ros2.definitions import DEEPEST, Definitions, Field
+from drivers.transports.ros2.message_definitions import DEEPEST, Definitions, Field
 from labweb.domain.errors import DefinitionError, FrameError
 
 _TYPES: Mapping[str, Any] = {

@@ -12,7 +12,7 @@ from django.http import HttpRequest
 from django.utils.module_loading import import_string
 
 from labweb.api.access.token_sign_in import caller_of, token_of
-from labweb.api.borders import name_of
+from labweb.api.outermost_layer import name_of
 
 REMEMBER_S = 60.0
 MOST_SESSIONS = 10_000

@@ -23,7 +23,7 @@ from django.http import HttpRequest
 from rest_framework.request import Request
 from rest_framework.response import Response
 
-from labweb.api.borders import name_of
+from labweb.api.outermost_layer import name_of
 from labweb.common.clock import now
 
 MOST_FAILURES = 5

@@ -20,7 +20,7 @@ from django.db.utils import InterfaceError, OperationalError
 from labweb.api.live import check_frame
 from labweb.api.twin import snapshot
 from labweb.common.feed import GROUP
-from labweb.common.limits.rates import Rate
+from labweb.common.limits.token_buckets import Rate
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.errors import NotFoundError
 

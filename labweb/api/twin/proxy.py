@@ -29,7 +29,7 @@ from labweb.accounts.selectors import User, user_of
 from labweb.api.answers.twin import TwinState
 from labweb.api.twin.feed import find_alive
 from labweb.api.twin.viser_page import dress
-from labweb.common.limits.rates import Rate
+from labweb.common.limits.token_buckets import Rate
 from labweb.common.sockets import BoundedConsumer
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import NotFoundError

@@ -19,7 +19,7 @@ from labweb.domain.calibration.ph_buffers import (
     points_of,
 )
 from labweb.domain.errors import Finding, PreconditionError, StateError
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.workflows.calibration_workflows import buffer_workflow, reading_id
 from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.liquids.pump_choice import pump_node

@@ -22,7 +22,7 @@ from labweb.domain.calibration.thermometer_comparison import (
 )
 from labweb.domain.enrollment.admitted_device import AdmittedDevice as DeviceData
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.workflows.calibration_workflows import comparison_ids, thermal_workflow
 from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.role_requirements import HOLD_TOLERANCE_C, acting_node, plays

@@ -19,7 +19,7 @@ from labweb.common.files.photos import (
     REFUSED,
     levels_of,
 )
-from labweb.common.limits.processes import limit_process
+from labweb.common.limits.process_bounds import limit_process
 from labweb.domain.errors import DefinitionError
 
 LONGEST_TEXT = 200

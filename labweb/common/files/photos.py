@@ -13,7 +13,7 @@ from pathlib import Path
 
 from PIL import Image, ImageOps
 
-from labweb.common.limits.processes import limit_process
+from labweb.common.limits.process_bounds import limit_process
 from labweb.domain.errors import DefinitionError
 
 FORMATS = ("JPEG", "PNG", "WEBP")

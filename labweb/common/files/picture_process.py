@@ -11,7 +11,7 @@ import msgspec
 from django.conf import settings
 
 from labweb.common.files.photos import REFUSED
-from labweb.common.limits.lanes import give_back_connection
+from labweb.common.limits.concurrency import give_back_connection
 from labweb.domain.errors import DefinitionError
 
 WITHIN_S = 60.0

@@ -21,7 +21,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from pyarrow import parquet
 
 from labweb.common.instruments.model import MOST_READINGS, Column, Found, Parsed, stop
-from labweb.common.limits.processes import limit_process
+from labweb.common.limits.process_bounds import limit_process
 from labweb.domain.errors import LabError
 
 MAX_CPU_S = 120

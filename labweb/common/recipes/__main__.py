@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from labweb.common.clock import SystemClock
-from labweb.common.limits.processes import limit_process
+from labweb.common.limits.process_bounds import limit_process
 from labweb.domain.errors import DefinitionError, LabError
 from labweb.domain.recipes.recipe_preview import PreviewAsked, advise_on, open_recipe, workflow_from
 

@@ -28,7 +28,7 @@ from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.errors import NotFoundError
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

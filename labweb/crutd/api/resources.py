@@ -35,7 +35,7 @@ from labweb.crutd.selectors.history_replay import Past, as_it_was
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource_kinds import KINDS, Nature, is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

@@ -19,7 +19,7 @@ from labweb.crutd.models import Ticket as Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.provenance.ledger_flows import is_nominal
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot
 

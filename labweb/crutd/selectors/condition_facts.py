@@ -15,7 +15,7 @@ from labweb.crutd.selectors.reservations import reservations_on
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.event_replay import link
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.domain.runs.exclusive_use.action_locks import conflicts, lock_set
 from labweb.domain.runs.exclusive_use.run_holds import ROOMY
 from labweb.domain.runs.exclusive_use.run_holds import places_of as places_in

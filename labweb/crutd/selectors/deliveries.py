@@ -5,7 +5,7 @@ from __future__ import annotations
 from labweb.crutd.models import Entry
 from labweb.domain.crutd.delivery_table import Delivery, DeliveryShare
 from labweb.domain.crutd.ledger import Account
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

@@ -30,7 +30,7 @@ from labweb.domain.crutd.event_replay import (
 from labweb.domain.crutd.ledger import Account, Amount
 from labweb.domain.errors import DefinitionError, Finding, ReconcileError
 from labweb.domain.graph.lab_file.lab_model import LabFile
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource_tree import in_tree_order
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource

@@ -18,7 +18,7 @@ from labweb.domain.graph.lab_file.lab_model import (
     LabFileMaterial,
     LabMode,
 )
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors

@@ -21,7 +21,7 @@ from labweb.crutd.models import Transaction as Transaction
 from labweb.crutd.selectors.amounts import amounts, amounts_by_vessel
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.settlement import ResourceState
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Lot, Resource
 

@@ -15,7 +15,7 @@ from labweb.domain.crutd.event_replay import Replay
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.provenance.ledger_flows import is_nominal
 from labweb.domain.crutd.provenance.lineage import Limits, Page, trace_up
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.resources.selectors import Lab
 

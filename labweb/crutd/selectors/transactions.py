@@ -14,7 +14,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.mass_balance import MassMove
 from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import NotFoundError
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 
 
 def transaction_for_update(transaction_id: UUID) -> Transaction:

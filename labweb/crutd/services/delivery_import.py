@@ -15,7 +15,7 @@ from labweb.domain.crutd.delivery_table import Delivery, at_row, refused
 from labweb.domain.crutd.operations import Portion, Receive
 from labweb.domain.errors import Finding, StateError
 from labweb.domain.graph.lab_file.lab_model import entry_id
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

@@ -9,7 +9,7 @@ from labweb.domain.crutd.operations import Delete
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
 from labweb.domain.graph.attachments import to_json
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.units import render_mass, render_volume
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import date
 
 from labweb.domain.errors import DefinitionError, Finding, UnitError
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.domain.units import parse_exact
 
 REQUIRED = ("lot", "material", "phase", "vessel", "amount")

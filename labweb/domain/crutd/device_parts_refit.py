@@ -14,7 +14,7 @@ from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
 from labweb.domain.graph.attachments import to_json
 from labweb.domain.graph.lab_file.resource_config import check_config
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.resources.placement import PlacedThing, check_arriving
 from labweb.domain.resources.resource_kinds import KINDS
 from labweb.domain.units import render_mass, render_volume

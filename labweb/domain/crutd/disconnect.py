@@ -8,7 +8,7 @@ from labweb.domain.crutd.operations import Disconnect
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.resources.resource_kinds import KINDS, Nature
 from labweb.domain.units import render_volume
 

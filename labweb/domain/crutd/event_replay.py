@@ -20,7 +20,7 @@ from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import Finding, ReconcileError
 from labweb.domain.graph.lab_file.lab_model import LabFile
 from labweb.domain.graph.ports_and_connections import Connection
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource_kinds import KINDS
 
 

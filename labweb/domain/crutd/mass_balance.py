@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.domain.crutd.operations import React
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

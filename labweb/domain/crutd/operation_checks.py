@@ -44,7 +44,7 @@ from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
 from labweb.domain.graph.attachments import check_loose
 from labweb.domain.graph.lab_file.resource_config import check_config
-from labweb.domain.resources.contents import LotId, Phase, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, Phase, total_nl
 from labweb.domain.resources.placement import PlacedThing, check_standing
 from labweb.domain.resources.resource_kinds import KINDS
 from labweb.domain.units import render_mass, render_volume

@@ -8,7 +8,7 @@ from uuid import UUID
 import msgspec
 from msgspec import Meta
 
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 
 Amount = Annotated[int, Meta(ge=0, le=999_999_999_999_999)]
 """Whole nanolitres or micrograms: at most a cubic metre, or a tonne."""

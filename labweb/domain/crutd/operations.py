@@ -19,7 +19,7 @@ from labweb.domain.crutd.operation_parts import Portion as Portion
 from labweb.domain.crutd.operation_parts import Product as Product
 from labweb.domain.crutd.operation_parts import ReactantShare as ReactantShare
 from labweb.domain.crutd.operation_parts import Text as Text
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 
 
 class OperationName(StrEnum):

@@ -13,7 +13,7 @@ from uuid import UUID
 from labweb.domain.crutd.operations import TransferLiquid, TransferResource
 from labweb.domain.crutd.settlement import ResourceState, Snapshot, check
 from labweb.domain.errors import Finding, PreconditionError
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.units import render_volume
 
 TIP = "tip"

@@ -15,7 +15,7 @@ from labweb.domain.crutd.operations import Product, React, ReactantShare
 from labweb.domain.crutd.receive_correct_dispose import check_room
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
-from labweb.domain.resources.contents import Contents, LotId, Phase
+from labweb.domain.resources.contents_by_lot import Contents, LotId, Phase
 from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.units import render_mass, render_volume
 

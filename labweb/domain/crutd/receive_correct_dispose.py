@@ -8,7 +8,7 @@ from labweb.domain.crutd.ledger import CORRECTION_ACCOUNTS
 from labweb.domain.crutd.operations import Correct, Dispose, Receive
 from labweb.domain.crutd.snapshot import Facts, LotState, ResourceState, Snapshot
 from labweb.domain.errors import Finding
-from labweb.domain.resources.contents import LotId, Phase, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, Phase, total_nl
 from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.units import render_mass, render_volume
 

@@ -14,9 +14,9 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd.drawn_lots import drawn_parts, part_of
 from labweb.domain.crutd.ledger import Account, posted
 from labweb.domain.crutd.ledger import Posting as Posting
+from labweb.domain.crutd.lots_of_partial_transfer import drawn_parts, part_of
 from labweb.domain.crutd.operation_checks import check as check
 from labweb.domain.crutd.operations import (
     Correct,
@@ -41,7 +41,7 @@ from labweb.domain.crutd.snapshot import ResourceState as ResourceState
 from labweb.domain.crutd.snapshot import Snapshot as Snapshot
 from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import StateError
-from labweb.domain.resources.contents import (
+from labweb.domain.resources.contents_by_lot import (
     Contents,
     LotId,
     Phase,

@@ -9,7 +9,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.graph.attachments import Attachment
-from labweb.domain.resources.contents import Contents, LotId, Phase
+from labweb.domain.resources.contents_by_lot import Contents, LotId, Phase
 from labweb.domain.resources.placement import Place, PlacedThing
 
 

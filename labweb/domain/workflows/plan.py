@@ -11,7 +11,7 @@ import msgspec
 from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd.operations import Operation
 from labweb.domain.crutd.pre_and_postconditions import Condition
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 
 
 class CapableDevice(msgspec.Struct, frozen=True, kw_only=True):

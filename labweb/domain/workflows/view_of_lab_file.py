@@ -13,7 +13,7 @@ from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, Resourc
 from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import DriverSpec
 from labweb.domain.graph.lab_file.lab_model import LabFile
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource import Resource
 from labweb.domain.workflows.passes.lab_view import PlannerView
 

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from labweb.enrollment.services.certificates import renew_certificate
-from labweb.enrollment.services.devices import (
-    admit_device,
-    found_device,
-    keep_review,
-    suspend_device,
-)
-from labweb.enrollment.services.discovery import (
+from labweb.enrollment.services.candidates import (
     WantedDevice,
     compare_code,
     give_parts,
@@ -17,7 +10,16 @@ from labweb.enrollment.services.discovery import (
     take_up,
     take_up_compared,
 )
-from labweb.enrollment.services.drivers import (
+from labweb.enrollment.services.certificates import renew_certificate
+from labweb.enrollment.services.device_looks import ask_look, look_frames, take_look
+from labweb.enrollment.services.device_retirement import end_device, hold_to_retire
+from labweb.enrollment.services.devices import (
+    admit_device,
+    found_device,
+    keep_review,
+    suspend_device,
+)
+from labweb.enrollment.services.driver_versions import (
     CatalogDriver,
     inspect_text,
     keep_driver,
@@ -28,7 +30,18 @@ from labweb.enrollment.services.drivers import (
     settle_proposal,
     withdraw_driver,
 )
+from labweb.enrollment.services.driver_versions_of_devices import (
+    Decided,
+    note_ready,
+    note_refused,
+    note_served,
+    note_unserved,
+    parts_of_version,
+    switch_driver,
+    want_driver,
+)
 from labweb.enrollment.services.fencing import revoke_host, sign_fence, withdraw_fences
+from labweb.enrollment.services.host_messages import host_group, join_group, tell_host
 from labweb.enrollment.services.hosts import (
     acknowledge_stop,
     add_host,
@@ -45,7 +58,7 @@ from labweb.enrollment.services.hosts import (
     watch_hosts,
     welcome_of,
 )
-from labweb.enrollment.services.joining import (
+from labweb.enrollment.services.join_requests import (
     admit_request,
     answer_to,
     join_command,
@@ -55,19 +68,6 @@ from labweb.enrollment.services.joining import (
     take_request,
     withdraw_token,
 )
-from labweb.enrollment.services.link import host_group, join_group, tell_host
-from labweb.enrollment.services.looking import ask_look, look_frames, take_look
-from labweb.enrollment.services.replacing import (
-    Decided,
-    note_ready,
-    note_refused,
-    note_served,
-    note_unserved,
-    parts_of_version,
-    switch_driver,
-    want_driver,
-)
-from labweb.enrollment.services.retiring import end_device, hold_to_retire
 from labweb.enrollment.services.sightings import take_sightings
 
 __all__ = [

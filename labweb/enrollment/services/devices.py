@@ -20,7 +20,7 @@ from labweb.domain.enrollment.device_review import KeptReview, check_kept
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion
-from labweb.enrollment.services.link import tell_host
+from labweb.enrollment.services.host_messages import tell_host
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

@@ -23,8 +23,8 @@ from labweb.domain.runs.host_link.host_session import (
 )
 from labweb.enrollment import selectors
 from labweb.enrollment.models import EdgeHost, Fence
+from labweb.enrollment.services.host_messages import tell_host
 from labweb.enrollment.services.hosts import keep_record, record_of
-from labweb.enrollment.services.link import tell_host
 from labweb.resources import selectors as resource_selectors
 
 

@@ -14,8 +14,8 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import disk, feed
 from labweb.common.clock import new_id, now, tick
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.common.signatures import signing
-from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.disk_space import DiskRoomLevel
 from labweb.domain.enrollment.admission_reason import refuse_no_reason
@@ -38,7 +38,7 @@ from labweb.domain.runs.host_link.host_session import (
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.enrollment.services.certificates import check_certificate, note_use
-from labweb.enrollment.services.link import tell_host
+from labweb.enrollment.services.host_messages import tell_host
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

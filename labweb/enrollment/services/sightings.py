@@ -31,7 +31,7 @@ from labweb.domain.enrollment.device_announcements import (
 from labweb.domain.messages.certificates_and_sightings import MOST_SIGHTINGS_PER_FRAME, Sighting
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Candidate, Device, EdgeHost
-from labweb.enrollment.services.link import tell_host
+from labweb.enrollment.services.host_messages import tell_host
 
 logger = logging.getLogger(__name__)
 

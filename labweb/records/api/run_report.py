@@ -13,7 +13,7 @@ from labweb.common.answers import NamedRef
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd.mass_balance import AccountChange, Yield
 from labweb.domain.crutd.provenance.ledger_flows import is_nominal
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.records.answers.run_report import (
     LotMass,
     MassAccount,

@@ -11,7 +11,7 @@ from labweb.crutd.selectors.doubt_resolutions import Resolved, resolved_of
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.mass_balance import LotFacts, MassBalance, Yield, find_yields, mass_balance
 from labweb.domain.crutd.pre_and_postconditions import Verification
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lot
 from labweb.runs.selectors import Attempt, Job, Run

@@ -5,7 +5,7 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.answers.jobs import LotThere, StatementAsked
 from labweb.runs.models import Job

@@ -19,7 +19,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.clock import now
-from labweb.common.wake import wake_dispatcher
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 from django.conf import settings
 
-from labweb.common.limits.lanes import give_back_connection
+from labweb.common.limits.concurrency import give_back_connection
 from labweb.domain.errors import DefinitionError, Finding
 
 MOST_S = 180.0

@@ -23,7 +23,7 @@ from django.db.transaction import atomic
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common.clock import now
-from labweb.common.limits.lanes import give_back_connection
+from labweb.common.limits.concurrency import give_back_connection
 from labweb.domain.action_files import KEPT_ONLY, MEDIA_TYPES, is_name, plain_media_type
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError

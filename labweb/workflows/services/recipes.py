@@ -16,7 +16,7 @@ from django.conf import settings
 from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
-from labweb.common.limits.lanes import give_back_connection
+from labweb.common.limits.concurrency import give_back_connection
 from labweb.crutd.selectors.lab_export import lab_file_of
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError

@@ -9,7 +9,7 @@ from uuid import UUID, uuid5
 from labweb.domain.crutd.operations import Operation
 from labweb.domain.crutd.pipette_tips import find_tip
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind, ResourceState, settle
-from labweb.domain.resources.contents import LotId, add, remove, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, add, remove, total_nl
 from labweb.domain.resources.resource import Resource
 
 CHANNEL = uuid5(UUID(int=0), "channel")

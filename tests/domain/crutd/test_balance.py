@@ -9,7 +9,7 @@ import pytest
 
 from labweb.domain.crutd.mass_balance import LotFacts, MassMove, find_yields, mass_balance
 from labweb.domain.crutd.operations import Product, React, ReactantShare
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 
 SPACE = UUID("7a3c1d52-4f7b-5a57-8a4c-2d9b6f2f0c11")
 FLASK, BOTTLE, WASTE = (str(uuid5(SPACE, name)) for name in ("flask", "bottle", "waste"))

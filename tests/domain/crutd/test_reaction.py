@@ -19,7 +19,7 @@ from labweb.domain.crutd.settlement import Outcome, OutcomeKind, check, settle
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
 from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import StateError
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 
 FLASK, ACID, BASE, SALT = (UUID(int=number) for number in range(1, 5))
 SALT_MATERIAL = UUID(int=9)

@@ -32,7 +32,7 @@ from labweb.domain.crutd.ledger import (
 )
 from labweb.domain.errors import ReconcileError
 from labweb.domain.graph.lab_file.lab_model import LabFile, LabMode
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import Nature
 

@@ -14,7 +14,7 @@ from labweb.domain.crutd.settlement import ResourceState
 from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
 from labweb.domain.graph.ports_and_connections import Connection, Medium, PhysicalGraph, PortRef
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import KINDS
 from labweb.domain.resources.resource_tree import Tree

@@ -21,7 +21,7 @@ from labweb.domain.recipes.xdl.as_workflow.recipe_to_workflow import to_workflow
 from labweb.domain.recipes.xdl.file_format.read_xdl import read_xdl
 from labweb.domain.recipes.xdl.lab_choices.declarations_file import read_declared
 from labweb.domain.recipes.xdl.unfolding.unfold_recipe import unfold
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.workflows.compile_workflow import PlannerView
 from labweb.domain.workflows.view_of_lab_file import view_of_file
 from labweb.domain.workflows.workflow_file import Workflow, parse_workflow, resolve_keys

@@ -8,7 +8,7 @@ from labweb.domain.crutd.operations import Read, Update
 from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import DriverSpec, ParameterSpec, StatusSpec
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.workflows.passes.role_requirements import (
     READ_AFTER,
     READ_BEFORE,

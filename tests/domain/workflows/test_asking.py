@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from labweb.domain.crutd.operations import TransferMass
 from labweb.domain.graph.lab_file.lab_json_read import read_lab
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.domain.workflows.compile_workflow import compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob, encode
 from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan

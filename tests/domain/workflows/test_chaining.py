@@ -18,7 +18,7 @@ from msgspec import UNSET
 from msgspec.structs import replace as changed
 
 from labweb.domain.crutd.operations import TransferLiquid, Update
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.workflows.plan import Plan, PlannedJob
 from labweb.domain.workflows.plan_proof.prove_workflow import prove_plan
 from labweb.domain.workflows.plan_proof.step_claims import NOT_PROVED

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from tests.domain.workflows.asking import actions, codes_of, findings_of, moved_nl, plan_of
 from tests.domain.workflows.bench import (
     BARE_PUMP,

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from tests.domain.workflows.asking import (
     codes_of,
     findings_of,

@@ -7,7 +7,7 @@ import pytest
 
 from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
 from labweb.domain.graph.ports_and_connections import PortRef
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from tests.domain.workflows.asking import (
     actions,
     codes_of,

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.transports.ros2 import discovery, names, rtps
-from drivers.transports.ros2.definitions import Definitions, Field, parse_fields
+from drivers.transports.ros2 import discovery, ros_names, rtps
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions, Field, parse_fields
 from drivers.transports.ros2.reliable import ReliableReader, Writer
 from drivers.transports.ros2.rtps import SampleIdentity
 from drivers.transports.ros2.types import Types, type_name
@@ -130,13 +130,13 @@ def test_hostile_datagrams_are_read_or_refused(data: bytes) -> None:
 
 
 def test_names_go_to_the_wire_as_ros_maps_them() -> None:
-    assert names.topic("/bench/pump/volume_ul") == "rt/bench/pump/volume_ul"
-    assert names.request_topic("/a/b") == "rq/a/bRequest"
-    assert names.reply_topic("/a/b") == "rr/a/bReply"
-    assert names.action_names("/a").feedback == "/a/_action/feedback"
+    assert ros_names.topic("/bench/pump/volume_ul") == "rt/bench/pump/volume_ul"
+    assert ros_names.request_topic("/a/b") == "rq/a/bRequest"
+    assert ros_names.reply_topic("/a/b") == "rr/a/bReply"
+    assert ros_names.action_names("/a").feedback == "/a/_action/feedback"
     for bad in ("a", "/a/", "/2a", "/a__b", "/a b", "/ä", "/" + "a" * 300):
         with pytest.raises(DefinitionError):
-            names.check_name(bad)
+            ros_names.check_name(bad)
 
 
 def test_the_link_is_loopback_unless_it_is_told_otherwise() -> None:

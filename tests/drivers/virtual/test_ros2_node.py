@@ -11,9 +11,9 @@ import pytest
 
 from drivers.transports.ros2.actions import ActionClient, ActionServer, Decide, Goal, GoalState
 from drivers.transports.ros2.bus import Bus
-from drivers.transports.ros2.definitions import Definitions
 from drivers.transports.ros2.interfaces_table import INTERFACES
 from drivers.transports.ros2.link import LinkSettings
+from drivers.transports.ros2.message_definitions import Definitions
 from drivers.transports.ros2.transport import Ros2Transport
 from drivers.transports.ros2.types import Types
 from drivers.transports.urls import line_key, make_transport

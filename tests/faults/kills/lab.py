@@ -34,7 +34,7 @@ from tests.workers.hub import Hub
 from workers.base import faults
 from workers.base.celery_apps import ACCEPT, make_host_app, wake
 from workers.base.config import HostConfig, ValkeyConfig, command_queue, line_queue
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.valkey_store import ValkeyStore
 from workers.host.process_main import main as run_process
 from workers.host.supervisor import RING_EVERY_S

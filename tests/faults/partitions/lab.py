@@ -35,7 +35,7 @@ from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, SPACE, Server, a_bottle, a_device, a_do, a_syringe, until
 from workers.base.celery_apps import ACCEPT
 from workers.base.config import HostConfig, ValkeyConfig, command_queue
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.valkey_store import ValkeyStore
 from workers.host.process_main import main as run_process
 from workers.host.valkey_process import find_valkey

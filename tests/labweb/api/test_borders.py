@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from labweb.api.borders import bounded, caller_of, name_of, with_borders
+from labweb.api.outermost_layer import bounded, caller_of, name_of, with_borders
 
 PROXY = "10.0.0.2"
 

@@ -17,11 +17,11 @@ from django.test import override_settings
 from django.urls import path
 
 from labweb.accounts.models import User
-from labweb.api import handler as handler_module
-from labweb.api import paces
-from labweb.api.handler import Handler
-from labweb.common.limits.lanes import Room
-from labweb.common.limits.rates import Rate
+from labweb.api import rate_limits
+from labweb.api import request_lanes as handler_module
+from labweb.api.request_lanes import Handler
+from labweb.common.limits.concurrency import Room
+from labweb.common.limits.token_buckets import Rate
 
 SEEN: list[int] = []
 
@@ -171,8 +171,8 @@ async def _all(handler: Handler, url: str, addresses: list[str]) -> list[tuple[i
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> Handler:
     GATE.clear()
-    slow = replace(paces.TERMS[paces.Pace.SLOW], waits_s=0.2, own_waiting_count=1)
-    monkeypatch.setitem(paces.TERMS, paces.Pace.SLOW, slow)
+    slow = replace(rate_limits.TERMS[rate_limits.Pace.SLOW], waits_s=0.2, own_waiting_count=1)
+    monkeypatch.setitem(rate_limits.TERMS, rate_limits.Pace.SLOW, slow)
     return Handler()
 
 
@@ -213,8 +213,8 @@ def test_answers_that_are_sent_are_bounded_too(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_who_asks_too_often_is_told_how_long_to_wait(monkeypatch: pytest.MonkeyPatch) -> None:
-    quick = replace(paces.TERMS[paces.Pace.QUICK], rate=Rate(per_s=0.5, burst_count=2))
-    monkeypatch.setitem(paces.TERMS, paces.Pace.QUICK, quick)
+    quick = replace(rate_limits.TERMS[rate_limits.Pace.QUICK], rate=Rate(per_s=0.5, burst_count=2))
+    monkeypatch.setitem(rate_limits.TERMS, rate_limits.Pace.QUICK, quick)
     handler = Handler()
 
     async def five() -> list[tuple[int, bytes]]:
@@ -230,7 +230,7 @@ def test_who_asks_too_often_is_told_how_long_to_wait(monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize("declared", [True, False])
 def test_a_body_that_is_too_large_is_refused_before_it_is_kept(declared: bool) -> None:
-    size = paces.MOST_BODY_BYTES + 1
+    size = rate_limits.MOST_BODY_BYTES + 1
     headers = [(b"content-length", str(size).encode())] if declared else []
 
     async def send() -> tuple[int, Any]:

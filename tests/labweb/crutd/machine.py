@@ -29,7 +29,7 @@ from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind
 from labweb.domain.crutd.transaction_states import TransactionState
 from labweb.domain.errors import LabError
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.resources.models import Lab, Lot, Resource
 
 VESSELS = ("bottle", "jug", "flask", "cup", "vial")

@@ -17,7 +17,7 @@ from labweb.domain.crutd.delivery_table import (
     render_deliveries,
 )
 from labweb.domain.graph.lab_file.lab_json_read import read_lab
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.resources.models import Resource
 from tests.builders import Bench, a_user
 from tests.labweb.crutd.hand import nl

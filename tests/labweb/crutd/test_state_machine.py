@@ -17,7 +17,7 @@ from labweb.crutd.services import events, locks, transactions
 from labweb.crutd.services.ledger_posting import post
 from labweb.domain.crutd import operation_checks, settlement, transaction_states
 from labweb.domain.graph.lab_file.lab_json_read import read_lab
-from labweb.domain.resources.contents import take
+from labweb.domain.resources.contents_by_lot import take
 from labweb.resources import services as resource_services
 from tests.labweb.crutd.machine import LAB_FILE, LabMachine
 

@@ -23,7 +23,7 @@ from labweb.domain.errors import ConformanceError, ForbiddenError, StateError
 from labweb.domain.messages.devices_and_drivers import DriverApproval, Signed
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import DriverVersion
-from labweb.enrollment.services import drivers
+from labweb.enrollment.services import driver_versions
 from tests.builders import Bench, a_user
 from tests.drivers.catalog.hostile import traps
 from tests.labweb.enrollment.driver_texts import TIMER, approved, proposed, timer
@@ -33,13 +33,17 @@ from tests.labweb.web import call, code_of, read, signed_in
 def test_source_is_read_before_a_transaction_is_open(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    client, read_it, open_blocks = signed_in(bench.people["admin"]), drivers.inspect_text, []
+    client, read_it, open_blocks = (
+        signed_in(bench.people["admin"]),
+        driver_versions.inspect_text,
+        [],
+    )
 
-    def noting(module: str, text: str) -> drivers.CatalogDriver:
+    def noting(module: str, text: str) -> driver_versions.CatalogDriver:
         open_blocks.append(len(connection.atomic_blocks))
         return read_it(module, text)
 
-    monkeypatch.setattr(drivers, "inspect_text", noting)
+    monkeypatch.setattr(driver_versions, "inspect_text", noting)
     outside = len(connection.atomic_blocks)
     told = {"module": TIMER, "source": timer(), "note": "better"}
     assert call(client, "POST", "/api/v1/drivers", told).status_code == 201
@@ -192,10 +196,10 @@ def test_a_driver_goes_through_the_rest_interface(bench: Bench) -> None:
 def test_more_drivers_than_the_server_reads_wait_and_are_told_so(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(drivers, "_AT_ONCE", BoundedSemaphore(1))
-    monkeypatch.setattr(drivers, "WAIT_S", 0.01)
+    monkeypatch.setattr(driver_versions, "_AT_ONCE", BoundedSemaphore(1))
+    monkeypatch.setattr(driver_versions, "WAIT_S", 0.01)
     admin, body = signed_in(bench.people["admin"]), {"module": TIMER, "source": timer()}
-    with drivers._AT_ONCE:
+    with driver_versions._AT_ONCE:
         answer = call(admin, "POST", "/api/v1/drivers/reading", body)
         assert (answer.status_code, code_of(answer)) == (423, "driver.busy")
     assert call(admin, "POST", "/api/v1/drivers/reading", body).status_code == 200
@@ -233,7 +237,7 @@ def test_of_two_who_bring_one_source_at_the_same_moment_the_second_is_refused(
             made[0] = services.submit_driver(TIMER, timer(), note="first", actor=other)
         return clock.now()
 
-    monkeypatch.setattr(drivers, "now", meanwhile)
+    monkeypatch.setattr(driver_versions, "now", meanwhile)
     with pytest.raises(StateError) as refusal:
         proposed(bench, timer())
     assert refusal.value.code == "driver.known"

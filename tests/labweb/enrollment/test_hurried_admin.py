@@ -15,7 +15,7 @@ from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device, JoinRequest, JoinToken
 from tests.builders import Bench, an_edge
 from tests.labweb.enrollment.test_discovery import seen
-from tests.labweb.enrollment.test_joining import a_key, a_token, ask_with, typed
+from tests.labweb.enrollment.test_join_requests import a_key, a_token, ask_with, typed
 from tests.labweb.web import signed_in
 
 NUL, LONG = "looked\0at it", "x" * 5000

@@ -15,7 +15,7 @@ from pytest_django import Settings
 from labweb.common.signatures import authority
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate
-from labweb.enrollment.services.discovery import hold_candidate
+from labweb.enrollment.services.candidates import hold_candidate
 from tests.builders import Bench, Edge, an_edge, public_half
 from tests.fixtures.running import until
 from tests.labweb.enrollment.test_discovery import a_sighting, taken_up

@@ -16,7 +16,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.settlement import Outcome, OutcomeKind, settle
 from labweb.domain.crutd.snapshot import ResourceState
 from labweb.domain.crutd.transaction_states import TransactionState
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.resources.models import Lot, Resource
 from labweb.runs import selectors, services
 from labweb.runs.models import Job, Run

@@ -43,7 +43,7 @@ from tests.workers.bench import Server
 from tests.workers.line.test_action_files import NAMES, SHORT
 from tests.workers.sandbox.test_confinement import a_config, confining
 from workers.base.config import HostConfig, line_queue
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.wake_pipe import hang
 from workers.journal.command_acceptance import accept
 from workers.journal.journal import Journal, create_journal

@@ -10,8 +10,8 @@ import pytest
 from django.db import connection, connections
 from django.db.transaction import atomic
 
-from labweb.common import wake
-from labweb.common.wake import Listener, wake_dispatcher
+from labweb.common import dispatcher_wakeup
+from labweb.common.dispatcher_wakeup import Listener, wake_dispatcher
 from labweb.fleet.management.commands import dispatcher
 from labweb.runs.models import Attempt, Outbox
 from tests.builders import a_lab, a_started_run, an_edge, dispatched
@@ -107,11 +107,11 @@ def _works_through(made: Callable[[], object]) -> float:
 def test_a_bell_that_was_lost_costs_a_tick_and_nothing_else(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(wake, "CHANNEL", "nobody_listens_here")
+    monkeypatch.setattr(dispatcher_wakeup, "CHANNEL", "nobody_listens_here")
     heard = Listener()
     assert heard.wait(0.0)
-    monkeypatch.setattr(wake, "CHANNEL", "somewhere_else")
-    monkeypatch.setattr(wake, "Listener", lambda: heard)
+    monkeypatch.setattr(dispatcher_wakeup, "CHANNEL", "somewhere_else")
+    monkeypatch.setattr(dispatcher_wakeup, "Listener", lambda: heard)
     bench = a_lab()
     an_edge(bench)
     _works_through(lambda: a_started_run(bench))

@@ -14,13 +14,13 @@ from channels.routing import URLRouter
 from django.conf import settings
 from django.test import Client
 
-from labweb.api import door, routing
+from labweb.api import host_door, routing
 from labweb.api.live import BrowserConsumer, NoSuchConsumer
-from labweb.api.paces import TERMS
+from labweb.api.rate_limits import TERMS
 from labweb.api.twin.feed import FeedConsumer
 from labweb.common import sockets
-from labweb.common.limits.lanes import on_lane
-from labweb.common.limits.rates import Buckets, Rate
+from labweb.common.limits.concurrency import on_lane
+from labweb.common.limits.token_buckets import Buckets, Rate
 from labweb.common.sockets import CLOSE_TOO_FAST, BoundedConsumer
 from labweb.enrollment.live import JoinConsumer
 from labweb.fleet.live import EdgeConsumer
@@ -41,7 +41,7 @@ def consumers_of(routes: list[Any]) -> Iterator[Any]:
 
 
 def all_consumers() -> list[Any]:
-    behind_door: Any = door.application().__closure__[0].cell_contents
+    behind_door: Any = host_door.application().__closure__[0].cell_contents
     assert isinstance(behind_door, URLRouter)
     found = {*consumers_of(routing.routes), *consumers_of(behind_door.routes)}
     return sorted(found - {NoSuchConsumer}, key=lambda one: one.__name__)

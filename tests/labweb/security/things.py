@@ -34,7 +34,7 @@ from tests.builders import HEAT, Bench, a_started_run, a_user, an_edge, to_trans
 from tests.labweb.enrollment.driver_texts import approved, proposed, timer
 from tests.labweb.instrument_files import TRACE
 from tests.labweb.photos import a_photo
-from workers.base.signatures import HostKey
+from workers.base.host_key import HostKey
 from workers.enrollment.host_identity import signing_request
 
 

@@ -18,7 +18,7 @@ from drivers.transports.scan import serial_ports
 from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes, sighting_of
 from labweb.domain.errors import DefinitionError
 from workers.base.config import BeaconConfig, DiscoveryConfig, load_config
-from workers.base.signatures import HostKey
+from workers.base.host_key import HostKey
 from workers.base.valkey_store import MOST_SIGHTINGS, ValkeyStore
 from workers.enrollment.discovery import open_socket, read_packet, scan
 

@@ -16,7 +16,7 @@ from websockets.asyncio.server import ServerConnection, serve
 from labweb.domain.enrollment.host_join import Token, parse_token, render_token
 from labweb.domain.errors import EnrollmentError
 from labweb.domain.messages.session import Refuse
-from workers.base.signatures import HostKey, create_key
+from workers.base.host_key import HostKey, create_key
 from workers.enrollment import join
 from workers.enrollment.host_identity import check_certificate, next_key, signing_request
 

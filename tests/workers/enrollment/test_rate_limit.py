@@ -16,7 +16,7 @@ from labweb.domain.enrollment.device_announcements import Beacon, beacon_bytes, 
 from labweb.domain.messages.certificates_and_sightings import Sighting
 from tests.workers.bench import HOST_ID, Host
 from workers.base.config import BeaconConfig, DiscoveryConfig, HostConfig, ValkeyConfig
-from workers.base.signatures import HostKey
+from workers.base.host_key import HostKey
 from workers.base.valkey_store import ValkeyStore
 from workers.enrollment.discovery import Discovery, read_packet
 from workers.enrollment.rate_limit import (

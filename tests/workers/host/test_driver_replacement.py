@@ -21,7 +21,7 @@ from tests.workers.bench import SPACE, Server, a_device, a_do, until
 from tests.workers.host.test_host import Running
 from tests.workers.hub import Hub
 from tests.workers.line.test_driver_store import TIMER, parts, version
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 
 LINES = ("virtual:a", "virtual:b", "virtual:c")
 COUNT = 10

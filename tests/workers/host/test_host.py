@@ -32,7 +32,7 @@ from tests.workers.bench import (
 from tests.workers.hub import Hub
 from workers.base.celery_apps import ACCEPT
 from workers.base.config import HostConfig, ValkeyConfig, command_queue
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.sandbox import confinement
 
 

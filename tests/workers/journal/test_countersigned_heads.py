@@ -14,7 +14,8 @@ from labweb.domain.canonical_json import canonical
 from labweb.domain.messages.chain_heads import ChainHead, Countersigned, Heads, countersigned_bytes
 from labweb.domain.messages.devices_and_drivers import Signed
 from tests.workers.bench import Host
-from workers.base.signatures import HostKey, create_key, is_signature
+from workers.base.host_key import HostKey, create_key
+from workers.base.signatures import is_signature
 from workers.journal import countersigned_heads
 from workers.uplink.session import countersign
 

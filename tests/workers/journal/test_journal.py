@@ -16,7 +16,7 @@ from labweb.domain.messages.events import event_hash
 from labweb.domain.runs.host_journal.action_states import ActionState
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, a_do
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.journal import journal_file, journal_schema
 from workers.journal.journal import Journal, check_journal, create_journal
 from workers.journal.journal_file import LOG_PAGES

@@ -12,7 +12,7 @@ import pytest
 from labweb.domain.runs.host_actions import host_state
 from labweb.domain.runs.host_journal.journal_rows import JournalError
 from tests.workers.bench import Host, a_do
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.journal.journal import Journal
 from workers.journal.journal_witness import BLOCK_BYTES, PLACES_COUNT, Seal, raise_seal, read_seal
 from workers.uplink.session import arm, lose_link, make_hello

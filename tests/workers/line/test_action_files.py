@@ -32,7 +32,7 @@ from tests.fixtures.running import Process
 from tests.workers.bench import HOST_ID, Server, environment, installed
 from tests.workers.sandbox.test_confinement import a_config, confining
 from workers.base.config import line_queue
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.system_clock import HostClock
 from workers.journal.command_acceptance import accept
 from workers.journal.journal import Journal, create_journal

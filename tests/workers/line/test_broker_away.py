@@ -13,7 +13,7 @@ import pytest
 from tests.workers.bench import PumpProcess, Server, a_device, a_do, until
 from tests.workers.host.test_host import Running
 from tests.workers.hub import Hub
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 
 NOBODY = "redis://127.0.0.1:9/0"
 

@@ -17,8 +17,8 @@ from labweb.domain.messages.stops import StopLabFrame
 from tests.drivers.wire import answering
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, installed, until
 from workers.base.config import HostConfig, ValkeyConfig
+from workers.base.host_key import load_key
 from workers.base.host_lock import lock_host
-from workers.base.signatures import load_key
 from workers.base.system_clock import HostClock
 from workers.base.valkey_store import ValkeyStore
 from workers.host.__main__ import main

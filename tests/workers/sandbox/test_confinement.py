@@ -26,7 +26,7 @@ from tests.workers.bench import HOST_ID, ROOT, Host, PumpProcess, a_device, envi
 from tests.workers.line.test_driver_store import approval, version
 from tests.workers.sandbox.confined_probe import OTHER_LINE
 from workers.base.config import HostConfig, ValkeyConfig, line_queue
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.wake_pipe import WakePipe, hang
 from workers.host.supervisor import HostSupervisor
 from workers.line.driver_store import DriverStore

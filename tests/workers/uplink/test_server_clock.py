@@ -17,7 +17,7 @@ from labweb.domain.runs.host_link.host_clocks import ClockAnchor
 from tests.workers.bench import Host, a_do
 from tests.workers.hub import Hub
 from tests.workers.uplink.test_uplink import connected, until
-from workers.base.signatures import HostKey, create_key
+from workers.base.host_key import HostKey, create_key
 from workers.base.valkey_store import ValkeyStore
 from workers.journal import journal_schema
 from workers.journal.journal import Journal

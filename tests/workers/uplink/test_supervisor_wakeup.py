@@ -10,7 +10,7 @@ from labweb.domain.messages.devices_and_drivers import DevicesFrame, DriverPart
 from tests.workers.bench import Host
 from tests.workers.hub import Hub
 from tests.workers.uplink.test_uplink import connected, until
-from workers.base.signatures import create_key
+from workers.base.host_key import create_key
 from workers.base.valkey_store import ValkeyStore
 from workers.base.wake_pipe import WakePipe
 

@@ -23,7 +23,7 @@ from labweb.domain.messages.stops import StopLabFrame
 from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
 from workers.base.config import HostConfig, ValkeyConfig
-from workers.base.signatures import HostKey, create_key
+from workers.base.host_key import HostKey, create_key
 from workers.base.valkey_store import ASKS, ASKS_TOLD, StatusSample, ValkeyStore
 from workers.enrollment.host_identity import HostIdentity
 from workers.line.action_files import ActionFiles

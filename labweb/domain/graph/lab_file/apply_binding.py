@@ -39,7 +39,7 @@ from labweb.domain.graph.lab_file.uni_lab_os.node_as_resource import (
 )
 from labweb.domain.graph.lab_file.untrusted_json import refuse_all
 from labweb.domain.graph.ports_and_connections import Medium, PortRef
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import KINDS, Nature, is_vessel
 

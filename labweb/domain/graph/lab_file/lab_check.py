@@ -13,7 +13,7 @@ from labweb.domain.graph.lab_file.name_and_tree_bounds import check_bounds
 from labweb.domain.graph.lab_file.resource_config import check_config
 from labweb.domain.graph.lab_file.size_contradictions import check_sizes
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.resources.contents import LotId, Phase, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, Phase, total_nl
 from labweb.domain.resources.exact_volumes import to_nl
 from labweb.domain.resources.placement import check_places
 from labweb.domain.resources.resource import Resource

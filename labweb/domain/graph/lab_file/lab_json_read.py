@@ -39,7 +39,7 @@ from labweb.domain.graph.lab_file.lab_model import (
 from labweb.domain.graph.lab_file.resource_config import check_config
 from labweb.domain.graph.lab_file.untrusted_json import MAX_NODES, decode_json, refuse, refuse_all
 from labweb.domain.graph.ports_and_connections import Connection, Medium, PortRef
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.domain.resources.exact_volumes import to_nl
 from labweb.domain.resources.labware.labware_resources import ids_in_labware
 from labweb.domain.resources.pose import Pose, parse_pose

@@ -16,7 +16,7 @@ from labweb.domain.graph.lab_file.lab_model import (
     LabFileSimulator,
 )
 from labweb.domain.graph.ports_and_connections import Connection, PortRef
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 from labweb.domain.resources.exact_volumes import from_nl
 from labweb.domain.resources.resource import Resource
 

@@ -11,7 +11,7 @@ from uuid import UUID, uuid5
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.ports_and_connections import Connection, PhysicalGraph
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_tree import Tree
 

@@ -11,7 +11,7 @@ from uuid import UUID
 from labweb.domain.graph.lab_file.lab_model import DeviceEntry, LabFile, LabFileMaterial
 from labweb.domain.graph.lab_file.untrusted_json import refuse
 from labweb.domain.graph.ports_and_connections import Connection, Medium, PortRef
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import KINDS, is_vessel
 

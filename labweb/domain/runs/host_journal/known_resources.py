@@ -11,7 +11,7 @@ from labweb.domain.crutd.ledger import vessel_of
 from labweb.domain.crutd.operations import Create
 from labweb.domain.crutd.settlement import Change, ResourceState, Snapshot
 from labweb.domain.messages.commands import ResourceView, StandingView
-from labweb.domain.resources.contents import LotId, add, remove
+from labweb.domain.resources.contents_by_lot import LotId, add, remove
 from labweb.domain.resources.placement import PlacedThing
 from labweb.domain.runs.host_journal.journal_rows import HeldResource, JournalWrite
 

@@ -15,7 +15,7 @@ from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.enrollment.driver_spec import check_arguments
 from labweb.domain.errors import Finding
-from labweb.domain.resources.contents import Contents, LotId, Phase
+from labweb.domain.resources.contents_by_lot import Contents, LotId, Phase
 from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.role_requirements import (
     acting_node,

@@ -11,7 +11,7 @@ from labweb.domain.crutd.settlement import ResourceState, Snapshot
 from labweb.domain.crutd.snapshot import Facts
 from labweb.domain.enrollment.admitted_device import AdmittedDevice
 from labweb.domain.graph.ports_and_connections import Medium, PhysicalGraph
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.resources.resource_tree import Tree

@@ -18,7 +18,7 @@ from labweb.domain.errors import UnitError
 from labweb.domain.graph.elements import Element, ElementRole
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, AmountRange, Contents
 from labweb.domain.proof.plan_read import mass_units
-from labweb.domain.resources.contents import LotId, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, total_nl
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
 from labweb.domain.workflows.plan import PlannedJob
 from labweb.domain.workflows.unit_operations.unit_operation import NONE

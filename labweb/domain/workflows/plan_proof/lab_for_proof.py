@@ -10,7 +10,7 @@ from labweb.domain.crutd.snapshot import ResourceState
 from labweb.domain.graph.rig.lab_as_rig import rig_of
 from labweb.domain.graph.rig.rig_model import Rig
 from labweb.domain.proof.lot_amount_ranges import UNITS_PER_NL, Contents
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.domain.resources.resource_kinds import is_vessel
 from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.plan_proof.jobs_for_proof import contents, sized

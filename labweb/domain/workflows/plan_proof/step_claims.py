@@ -25,7 +25,7 @@ from labweb.domain.messages.plan_fields import (
 )
 from labweb.domain.messages.step_claims import Claim
 from labweb.domain.proof import plan_read as proved
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
 from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.domain.workflows.passes.role_requirements import acting_node

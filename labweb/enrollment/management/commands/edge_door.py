@@ -57,7 +57,7 @@ async def _serve(host: str, port: int) -> None:
         "labweb.asgi:door",
         host=host,
         port=port,
-        ws="labweb.api.door:WithCertificate",
+        ws="labweb.api.host_door:WithCertificate",
         lifespan="off",
         access_log=False,
         proxy_headers=False,

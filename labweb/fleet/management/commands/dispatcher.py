@@ -22,9 +22,9 @@ from django.db.utils import InterfaceError, OperationalError
 
 from labweb.accounts import services as account_services
 from labweb.calibration.services.calibrations import judge_ended
-from labweb.common import queue, wake
+from labweb.common import dispatcher_wakeup, queue
 from labweb.common.clock import now
-from labweb.common.heap import freeze_heap
+from labweb.common.garbage_collection import freeze_heap
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.fleet.services import countersigned_heads, driver_replacement, host_absence
@@ -191,7 +191,7 @@ class Command(BaseCommand):
     def work(self, stop: threading.Event) -> None:
         """Look whenever the bell rings, and each tick without it, until told to stop."""
         doing = Duties()
-        watch, listener = Watch(doing), wake.Listener()
+        watch, listener = Watch(doing), dispatcher_wakeup.Listener()
         trim_at = 0.0
         while not stop.is_set():
             try:

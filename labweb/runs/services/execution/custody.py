@@ -15,7 +15,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import happened_at, new_id, now
-from labweb.common.wake import wake_dispatcher
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction

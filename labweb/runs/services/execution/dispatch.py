@@ -18,8 +18,8 @@ from labweb.calibration import selectors as calibration_selectors
 from labweb.common import faults, queue
 from labweb.common.clock import new_id, now, tick
 from labweb.common.database.prepared_queries import Question, together, update_row
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.common.signatures import signing
-from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.calibration.correction import Correction
 from labweb.domain.crutd import operations

@@ -14,7 +14,7 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import happened_at, now, told
 from labweb.common.database.prepared_queries import Question, together, updating
-from labweb.common.wake import wake_dispatcher
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.runs.dispatch.job_scheduler import run_state, state_after_dispatch
 from labweb.domain.runs.states.job_states import FINAL, JobState, Mover, RunState, check_step

@@ -14,7 +14,7 @@ from django.db.transaction import atomic, on_commit
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.common.database.prepared_queries import Question
-from labweb.common.wake import wake_dispatcher
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError

@@ -14,7 +14,7 @@ from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.drawn_lots import part_of, rest_of
+from labweb.domain.crutd.lots_of_partial_transfer import part_of, rest_of
 from labweb.domain.crutd.operations import TransferLiquid, TransferMass, TransferResource
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs.after_failure import recovery_choices

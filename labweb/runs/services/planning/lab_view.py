@@ -15,7 +15,7 @@ from labweb.common.database.prepared_queries import Question, together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors.condition_facts import lab_facts
 from labweb.domain.crutd.settlement import ResourceState
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.workflows.passes.lab_view import PlannerView
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost

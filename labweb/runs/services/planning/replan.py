@@ -11,7 +11,7 @@ from django.db.transaction import on_commit
 
 from labweb.accounts.selectors import User
 from labweb.common.database.prepared_queries import together
-from labweb.common.wake import wake_dispatcher
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs.after_failure.replanning import Stood, document_left, steps_left

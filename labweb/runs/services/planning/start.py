@@ -20,7 +20,7 @@ from labweb.approvals.selectors import ApprovalRequest
 from labweb.common import disk
 from labweb.common.clock import now
 from labweb.common.database.prepared_queries import Question, inserting, together
-from labweb.common.wake import waking
+from labweb.common.dispatcher_wakeup import waking
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import reservations
 from labweb.domain.approvals.role_permissions import Permission

@@ -15,8 +15,8 @@ from labweb.accounts.selectors import User
 from labweb.approvals import services as approval_services
 from labweb.common import feed
 from labweb.common.clock import new_id, now
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.common.render import iso
-from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.messages.commands import Halt

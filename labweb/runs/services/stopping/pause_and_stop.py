@@ -13,7 +13,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import new_id
-from labweb.common.wake import wake_dispatcher
+from labweb.common.dispatcher_wakeup import wake_dispatcher
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, RevisionError, StateError

@@ -8,7 +8,7 @@ from typing import Any
 
 from labweb.domain.crutd.provenance.ledger_flows import LedgerFlow
 from labweb.domain.crutd.provenance.lineage import History, Page
-from labweb.domain.resources.contents import LotId, take
+from labweb.domain.resources.contents_by_lot import LotId, take
 
 Link = tuple[int, str]
 """Order of a flow, and a lot in it."""

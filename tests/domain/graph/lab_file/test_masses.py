@@ -11,7 +11,7 @@ import pytest
 from labweb.domain.errors import LabFileError
 from labweb.domain.graph.lab_file.lab_json_read import read_lab
 from labweb.domain.graph.lab_file.lab_json_write import render_lab
-from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.contents_by_lot import Phase
 
 STARTER = Path(__file__).parents[4] / "fixtures" / "labs" / "starter" / "lab.json"
 

@@ -17,7 +17,7 @@ from labweb.domain.graph.lab_file.uni_lab_os.graph_read import read_uni_lab_os
 from labweb.domain.graph.lab_file.uni_lab_os.graph_write import export_uni_lab_os
 from labweb.domain.graph.lab_file.uni_lab_os.nodes_and_links import parse_ports
 from labweb.domain.graph.ports_and_connections import Medium
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 
 
 def read(value: object) -> LabFile:

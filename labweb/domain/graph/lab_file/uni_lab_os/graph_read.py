@@ -28,7 +28,7 @@ from labweb.domain.graph.lab_file.uni_lab_os.node_liquid import UNKNOWN, NodeLiq
 from labweb.domain.graph.lab_file.uni_lab_os.nodes_and_links import Link, UniLabOsGraph, read_graph
 from labweb.domain.graph.lab_file.untrusted_json import refuse_all
 from labweb.domain.graph.ports_and_connections import Connection, Medium, PortRef
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.resources.resource import Resource
 from labweb.domain.resources.resource_kinds import KINDS
 

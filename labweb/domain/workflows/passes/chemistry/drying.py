@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.units import parse, render_volume
 from labweb.domain.workflows.passes.chemistry.evaporation import (
     PRESSURE_TOLERANCE_RATIO,

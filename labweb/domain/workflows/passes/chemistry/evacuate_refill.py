@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.domain.enrollment.admitted_device import AdmittedDevice
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.chemistry.vacuum_source import (
     GasValve,

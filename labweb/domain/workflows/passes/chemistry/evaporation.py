@@ -12,7 +12,7 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.admitted_device import AdmittedDevice
-from labweb.domain.resources.contents import LotId, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, total_nl
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.chemistry.phase_separation import meant_lots
 from labweb.domain.workflows.passes.chemistry.vacuum_source import find_vacuum

@@ -12,7 +12,7 @@ from dataclasses import replace
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.liquids.pump_choice import MOST_STROKES
 from labweb.domain.workflows.passes.liquids.solids_drawn_along import meant_solids

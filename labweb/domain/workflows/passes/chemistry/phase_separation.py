@@ -13,7 +13,7 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import UnitError
-from labweb.domain.resources.contents import LotId, Phase, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, Phase, total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
 from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import wait_job
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftStep

@@ -13,7 +13,7 @@ import msgspec
 
 from labweb.domain.crutd.operations import Product, React, ReactantShare
 from labweb.domain.errors import UnitError
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents_by_lot import LotId, Phase
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
 from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import draft_of, wait_job
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftStep

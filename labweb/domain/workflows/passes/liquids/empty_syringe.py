@@ -6,7 +6,7 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import Finding
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftStep
 from labweb.domain.workflows.passes.liquids.pump_choice import find_outlet, pump_node
 from labweb.domain.workflows.passes.liquids.strokes import dead_volume_notes, make_strokes

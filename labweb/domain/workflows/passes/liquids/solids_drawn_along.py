@@ -12,7 +12,7 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import UnitError
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents_by_lot import LotId
 from labweb.domain.units import parse_mass_ug, render_mass
 from labweb.domain.workflows.passes.drafted_jobs import Drafting
 from labweb.domain.workflows.unit_operations.step_palette import STEP_KINDS

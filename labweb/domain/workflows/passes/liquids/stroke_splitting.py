@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from labweb.domain.crutd.drawn_lots import part_of, rest_of
+from labweb.domain.crutd.lots_of_partial_transfer import part_of, rest_of
 from labweb.domain.crutd.operations import TransferLiquid
 
 

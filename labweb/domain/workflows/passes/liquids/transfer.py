@@ -5,7 +5,7 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents_by_lot import total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
 from labweb.domain.workflows.passes.confirmation import MAY_STAY_UNCONFIRMED, may_confirm
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftStep, MassCheck

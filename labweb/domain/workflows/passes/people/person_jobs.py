@@ -11,7 +11,7 @@ from dataclasses import replace
 from uuid import UUID
 
 from labweb.domain.crutd.operations import Operation, TransferMass
-from labweb.domain.resources.contents import Phase, take, total_nl
+from labweb.domain.resources.contents_by_lot import Phase, take, total_nl
 from labweb.domain.units import parse_mass_ug
 from labweb.domain.workflows.passes.devices.heat_stir_wait_measure import draft_of, free_timer
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob, DraftStep

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from uuid import UUID
 
-from labweb.domain.resources.contents import LotId, Phase, take, total_nl
+from labweb.domain.resources.contents_by_lot import LotId, Phase, take, total_nl
 from labweb.domain.workflows.passes.drafted_jobs import Drafting, DraftJob
 from labweb.domain.workflows.passes.people.person_jobs import ask_person
 from labweb.domain.workflows.plan import LotStatement

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from uuid import UUID
 
-from labweb.domain.crutd.drawn_lots import drawn_parts
 from labweb.domain.crutd.ledger import Account
+from labweb.domain.crutd.lots_of_partial_transfer import drawn_parts
 from labweb.domain.crutd.operations import Operation, React, TransferLiquid
 from labweb.domain.crutd.pre_and_postconditions import Condition
 from labweb.domain.crutd.settlement import (
@@ -20,7 +20,7 @@ from labweb.domain.crutd.settlement import (
 )
 from labweb.domain.crutd.snapshot import Facts, LotState
 from labweb.domain.errors import Finding
-from labweb.domain.resources.contents import Contents, LotId, add, remove, total_nl
+from labweb.domain.resources.contents_by_lot import Contents, LotId, add, remove, total_nl
 from labweb.domain.units import render_volume
 from labweb.domain.workflows.passes.drafted_jobs import DraftJob, DraftStep, MassCheck
 from labweb.domain.workflows.passes.lab_view import PlannerView

@@ -31,7 +31,7 @@ from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.graph.device_parts_changes import decision_of, find_changes, list_changes
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost
-from labweb.enrollment.services.link import tell_host
+from labweb.enrollment.services.host_messages import tell_host
 from labweb.resources import selectors as resource_selectors
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from labweb.common.limits import rates
-from labweb.common.limits.rates import Buckets, Rate
+from labweb.common.limits import token_buckets
+from labweb.common.limits.token_buckets import Buckets, Rate
 
 
 class Clock:
@@ -49,7 +49,7 @@ def test_what_costs_more_than_there_ever_is_takes_a_full_bucket() -> None:
 
 
 def test_made_up_names_do_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rates, "MOST_NAMES", 10)
+    monkeypatch.setattr(token_buckets, "MOST_NAMES", 10)
     bucket = Buckets(Rate(per_s=1, burst_count=1), Clock())
     for number in range(1000):
         bucket.take(str(number))

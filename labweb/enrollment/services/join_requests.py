@@ -42,8 +42,8 @@ from labweb.domain.runs.host_link.host_session import SessionState, readmitted
 from labweb.enrollment import selectors
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.enrollment.services.certificates import keep_certificate
+from labweb.enrollment.services.host_messages import join_group
 from labweb.enrollment.services.hosts import CLOSED, keep_record, record_of
-from labweb.enrollment.services.link import join_group
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 

@@ -10,8 +10,8 @@ from uuid import UUID
 import pytest
 from django.conf import settings
 
-from labweb.api import paces
-from labweb.api.paces import DECLARED, TERMS, Pace
+from labweb.api import rate_limits
+from labweb.api.rate_limits import DECLARED, TERMS, Pace
 from tests.labweb.web import methods_of, routes
 
 HERE = [(route, view) for route, view in routes() if not route.startswith("admin/")]
@@ -30,8 +30,8 @@ def an_address(route: str) -> str:
 
 @pytest.mark.parametrize("route", [route for route, _ in HERE])
 def test_every_address_is_declared_and_found_again(route: str) -> None:
-    assert route in DECLARED, f"say in labweb/api/paces.py how quick {route} is"
-    found = paces.find("/" + an_address(route))
+    assert route in DECLARED, f"say in labweb/api/rate_limits.py how quick {route} is"
+    found = rate_limits.find("/" + an_address(route))
     declared = DECLARED[route]
     for method in ("GET", "POST"):
         wanted = declared.get(method, Pace.QUICK) if isinstance(declared, dict) else declared
@@ -56,7 +56,7 @@ def _sends_a_file(view: Any, method: str) -> bool:  # noqa: ANN401 - a view
     [(m, route) for route, view in HERE for m in methods_of(view) if _sends_a_file(view, m)],
 )
 def test_what_sends_a_file_is_not_quick(method: str, route: str) -> None:
-    assert paces.find("/" + an_address(route)).pace(method) in {Pace.SLOW, Pace.STREAM}
+    assert rate_limits.find("/" + an_address(route)).pace(method) in {Pace.SLOW, Pace.STREAM}
 
 
 def test_each_lane_has_connections_and_together_they_are_what_the_pool_has() -> None:

@@ -15,10 +15,10 @@ from labweb.common import feed
 from labweb.domain.errors import LockedError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Candidate, Device
+from labweb.enrollment.services.candidates import answer, hold_candidate
 from labweb.enrollment.services.devices import check_review
-from labweb.enrollment.services.discovery import answer, hold_candidate
-from labweb.enrollment.services.joining import require_admission
-from labweb.enrollment.services.link import tell_host
+from labweb.enrollment.services.host_messages import tell_host
+from labweb.enrollment.services.join_requests import require_admission
 
 
 def hold_to_retire(device_id: UUID, *, actor: User, reason: str, outcome: str) -> Device:

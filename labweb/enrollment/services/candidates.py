@@ -23,8 +23,8 @@ from labweb.domain.enrollment.host_join import LONGEST_NAME, is_code, is_name, k
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Candidate, Device, DriverVersion
-from labweb.enrollment.services.joining import require_admission
-from labweb.enrollment.services.link import tell_host
+from labweb.enrollment.services.host_messages import tell_host
+from labweb.enrollment.services.join_requests import require_admission
 from labweb.resources import selectors as resource_selectors
 
 _LONGEST_TRANSPORT = 300

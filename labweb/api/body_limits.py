@@ -8,7 +8,7 @@ from typing import Any
 
 from django.conf import settings
 
-from labweb.api.borders import Message, Receive
+from labweb.api.outermost_layer import Message, Receive
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,7 +32,7 @@ from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, Joi
 from labweb.fleet.services import fencing
 from labweb.runs import services as run_services
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched
-from workers.base.signatures import HostKey
+from workers.base.host_key import HostKey
 from workers.enrollment.host_identity import signing_request
 
 

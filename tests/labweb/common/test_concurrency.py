@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from labweb.common.limits.lanes import FullError, Lane, LaneTicket, Room
+from labweb.common.limits.concurrency import FullError, Lane, LaneTicket, Room
 
 
 async def entered(lane: Lane, *names: str) -> None:

@@ -15,15 +15,15 @@ from django.db import InterfaceError, OperationalError
 from django.http import HttpRequest, JsonResponse
 from django.http.response import HttpResponseBase
 
-from labweb.api import paces
+from labweb.api import rate_limits
 from labweb.api.access.callers import Callers, caller_of_session, caller_of_token, stranger_of
 from labweb.api.access.token_sign_in import bearer_of
-from labweb.api.bodies import BoundedBody
-from labweb.api.borders import Receive, Scope, Send
+from labweb.api.body_limits import BoundedBody
 from labweb.api.errors import refusal
-from labweb.api.paces import STREAMS, TERMS, Pace
-from labweb.common.limits.lanes import FullError, Lane, LaneTicket, give_back_connection
-from labweb.common.limits.rates import Buckets
+from labweb.api.outermost_layer import Receive, Scope, Send
+from labweb.api.rate_limits import STREAMS, TERMS, Pace
+from labweb.common.limits.concurrency import FullError, Lane, LaneTicket, give_back_connection
+from labweb.common.limits.token_buckets import Buckets
 
 logger = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class Handler(ASGIHandler):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request whose body is bounded by what its endpoint takes."""
-        body = BoundedBody(receive, scope, paces.find(scope["path"]).most_body_bytes)
+        body = BoundedBody(receive, scope, rate_limits.find(scope["path"]).most_body_bytes)
         await super().__call__(scope, body, send)
         if body.refused is not None:
             answer = refusal(body.refused.status, body.refused.code, body.refused.message)
@@ -84,7 +84,7 @@ class Handler(ASGIHandler):
 
     async def _admit(self, request: HttpRequest, chain: Chain) -> HttpResponseBase:
         """Find who calls, and whether it is their turn; then go through Django."""
-        pace = paces.find(request.path_info).pace(request.method or "")
+        pace = rate_limits.find(request.path_info).pace(request.method or "")
         terms = TERMS[pace]
         try:
             caller = await self._find_caller(request, pace)

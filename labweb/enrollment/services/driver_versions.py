@@ -17,7 +17,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.common.limits.lanes import give_back_connection
+from labweb.common.limits.concurrency import give_back_connection
 from labweb.common.signatures import signing
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.enrollment.admission_reason import refuse_no_reason

@@ -1,8 +1,9 @@
 """How quick each endpoint is: the one place where it is declared.
 
 A quick endpoint reads and writes rows. One that computes for long, waits for another process or
-packs a file is declared so here, and runs in a lane of its own (`labweb.common.limits.lanes`). A
-test walks all addresses of the server: one that is not declared here fails it.
+packs a file is declared so here, and runs in a lane of its own
+(`labweb.common.limits.concurrency`). A test walks all addresses of the server: one that is not
+declared here fails it.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
 
-from labweb.api.parsers import MAX_BODY_BYTES
+from labweb.api.json_bodies import MAX_BODY_BYTES
 from labweb.common.files.uploads import ENVELOPE_BYTES, MOST_OTHER_BYTES
-from labweb.common.limits.lanes import Room
-from labweb.common.limits.rates import Rate
+from labweb.common.limits.concurrency import Room
+from labweb.common.limits.token_buckets import Rate
 from labweb.telemetry.services import MOST_PHOTO_BYTES
 from labweb.telemetry.services.kept_files import MOST_BYTES
 

@@ -20,7 +20,7 @@ from labweb.domain.messages.device_looks import LookOrder, LookPart, LookTold
 from labweb.domain.messages.devices_and_drivers import Signed
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, Look
-from labweb.enrollment.services.link import tell_host
+from labweb.enrollment.services.host_messages import tell_host
 from labweb.resources import selectors as resource_selectors
 
 MOST_TOLD_BYTES = 32 * 1024

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from msgspec import structs
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.resources.contents import Contents, LotId, add, remove, take, total_nl
+from labweb.domain.resources.contents_by_lot import Contents, LotId, add, remove, take, total_nl
 
 
 def part_of(move: TransferLiquid, part_nl: int) -> TransferLiquid:
