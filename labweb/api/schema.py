@@ -38,8 +38,8 @@ _FILES = {"application/json": {"title": "File", **_DOCUMENT}}
 """Media type of a file → its schema, where it is no bytes."""
 
 _OF_EVERY = frozenset({400, 403, 404, 406, 429, 500, 503})
-_OF_ACTS = frozenset({409, 412, 423})
-_OF_BODIES = frozenset({413, 415, 422})
+_OF_ACTS = frozenset({409, 412, 422, 423})
+_OF_BODIES = frozenset({413, 415})
 
 
 def refusals_of(view: Any, method: str) -> list[int]:  # noqa: ANN401 - any view of the library

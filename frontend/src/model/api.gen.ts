@@ -6685,6 +6685,7 @@ export interface operations {
             406: components["responses"]["Refused406"];
             409: components["responses"]["Refused409"];
             412: components["responses"]["Refused412"];
+            422: components["responses"]["Refused422"];
             423: components["responses"]["Refused423"];
             429: components["responses"]["Refused429"];
             500: components["responses"]["Refused500"];
@@ -8003,6 +8004,7 @@ export interface operations {
             406: components["responses"]["Refused406"];
             409: components["responses"]["Refused409"];
             412: components["responses"]["Refused412"];
+            422: components["responses"]["Refused422"];
             423: components["responses"]["Refused423"];
             429: components["responses"]["Refused429"];
             500: components["responses"]["Refused500"];
@@ -9384,6 +9386,7 @@ export interface operations {
             406: components["responses"]["Refused406"];
             409: components["responses"]["Refused409"];
             412: components["responses"]["Refused412"];
+            422: components["responses"]["Refused422"];
             423: components["responses"]["Refused423"];
             429: components["responses"]["Refused429"];
             500: components["responses"]["Refused500"];
@@ -9622,6 +9625,7 @@ export interface operations {
             406: components["responses"]["Refused406"];
             409: components["responses"]["Refused409"];
             412: components["responses"]["Refused412"];
+            422: components["responses"]["Refused422"];
             423: components["responses"]["Refused423"];
             429: components["responses"]["Refused429"];
             500: components["responses"]["Refused500"];
@@ -9651,6 +9655,7 @@ export interface operations {
             406: components["responses"]["Refused406"];
             409: components["responses"]["Refused409"];
             412: components["responses"]["Refused412"];
+            422: components["responses"]["Refused422"];
             423: components["responses"]["Refused423"];
             429: components["responses"]["Refused429"];
             500: components["responses"]["Refused500"];
@@ -9939,6 +9944,7 @@ export interface operations {
             406: components["responses"]["Refused406"];
             409: components["responses"]["Refused409"];
             412: components["responses"]["Refused412"];
+            422: components["responses"]["Refused422"];
             423: components["responses"]["Refused423"];
             429: components["responses"]["Refused429"];
             500: components["responses"]["Refused500"];

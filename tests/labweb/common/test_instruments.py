@@ -264,9 +264,9 @@ def test_the_answers_of_a_real_cycler_are_read_or_refused(tmp_path: Path) -> Non
 
 def test_a_reader_that_asks_for_too_much_ends_alone(tmp_path: Path) -> None:
     source = (
-        "from labweb.common.limits import processes; "
+        "from labweb.common.limits import process_bounds; "
         "from labweb.common.instruments import __main__ as m; "
-        "processes.limit_process(cpu_s=m.MAX_CPU_S, memory_bytes=m.MAX_MEMORY_BYTES,"
+        "process_bounds.limit_process(cpu_s=m.MAX_CPU_S, memory_bytes=m.MAX_MEMORY_BYTES,"
         " file_bytes=m.MAX_FILE_BYTES); "
     )
     done = subprocess.run(
