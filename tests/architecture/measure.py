@@ -39,9 +39,6 @@ FOLDERS_OF_KINDS = frozenset(
 GIVEN_NAMES = frozenset({"Command", "Config"})
 """Names that others ask for: Django of a command, the catalog of what a driver is set up with."""
 
-TWO_FLOORS = frozenset({"Resource", "Connection", "Workflow"})
-"""What stands in the domain as the rule sees it, and in the models as it is stored."""
-
 TYPED = ("labweb", "workers", "drivers", "twin")
 """Where a line with `Any` is counted."""
 
@@ -119,7 +116,7 @@ def names_in_several_files(trees: Iterable[tuple[Path, ast.Module]]) -> dict[str
     return {
         name: found
         for name, found in sorted(places.items())
-        if len(found) > (2 if name in TWO_FLOORS else 1) and name not in GIVEN_NAMES
+        if len(found) > 1 and name not in GIVEN_NAMES
     }
 
 

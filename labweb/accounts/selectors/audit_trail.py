@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from labweb.accounts.models import AuditEntry
-from labweb.accounts.models import User as User
 
 
 def first_subject(action: str, subjects: Iterable[str]) -> str | None:

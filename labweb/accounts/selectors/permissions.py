@@ -8,8 +8,7 @@ from uuid import UUID
 from django.contrib.auth.backends import ModelBackend
 from django.db.models import Exists, OuterRef, UUIDField
 
-from labweb.accounts.models import Grant
-from labweb.accounts.models import User as User
+from labweb.accounts.models import Grant, User
 from labweb.common.database.prepared_queries import Given, Prepared, Question, together
 from labweb.domain.approvals.role_permissions import PERMISSIONS, Permission, roles_with
 

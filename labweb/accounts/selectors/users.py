@@ -7,7 +7,7 @@ from uuid import UUID
 
 from rest_framework.request import Request
 
-from labweb.accounts.models import User as User
+from labweb.accounts.models import User
 from labweb.domain.errors import ForbiddenError
 
 

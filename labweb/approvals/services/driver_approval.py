@@ -12,13 +12,6 @@ from labweb.accounts.selectors import User
 from labweb.approvals import selectors
 from labweb.approvals.models import ApprovalRequest
 from labweb.approvals.services.approval_requests import decide, require_deciding
-from labweb.approvals.services.driver_tryouts import TryoutWanted as TryoutWanted
-from labweb.approvals.services.driver_tryouts import TryoutWish as TryoutWish
-from labweb.approvals.services.driver_tryouts import ask_tryout as ask_tryout
-from labweb.approvals.services.driver_tryouts import begin_tryout as begin_tryout
-from labweb.approvals.services.driver_tryouts import frames_of as frames_of
-from labweb.approvals.services.driver_tryouts import take_offer as take_offer
-from labweb.approvals.services.driver_tryouts import take_told as take_told
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.enrollment import selectors as enrollment_selectors

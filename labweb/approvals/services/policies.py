@@ -6,13 +6,6 @@ from collections.abc import Sequence
 
 from labweb.approvals import selectors
 from labweb.approvals.models import Policy
-from labweb.approvals.services.driver_tryouts import TryoutWanted as TryoutWanted
-from labweb.approvals.services.driver_tryouts import TryoutWish as TryoutWish
-from labweb.approvals.services.driver_tryouts import ask_tryout as ask_tryout
-from labweb.approvals.services.driver_tryouts import begin_tryout as begin_tryout
-from labweb.approvals.services.driver_tryouts import frames_of as frames_of
-from labweb.approvals.services.driver_tryouts import take_offer as take_offer
-from labweb.approvals.services.driver_tryouts import take_told as take_told
 from labweb.domain.approvals import approval_policy as policy_rules
 from labweb.domain.workflows.plan import Plan
 from labweb.resources.selectors import Lab

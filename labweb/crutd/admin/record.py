@@ -5,7 +5,6 @@ from __future__ import annotations
 from django.contrib import admin
 
 from labweb.common.admin import ReadOnly
-from labweb.crutd.admin.candidates import Candidates as Candidates
 from labweb.crutd.models import (
     Balance,
     Entry,

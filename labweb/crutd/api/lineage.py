@@ -15,7 +15,6 @@ from labweb.common.requests import Parameter, one_of, whole_number, word
 from labweb.crutd.answers import (
     LineageGraph,
 )
-from labweb.crutd.api.events import event_rows as event_rows
 from labweb.crutd.api.resources import visible
 from labweb.crutd.selectors import lineage
 from labweb.domain.approvals.role_permissions import Permission

@@ -18,7 +18,7 @@ from labweb.crutd.answers import (
     EventRow,
     OperationFindings,
 )
-from labweb.crutd.api.events import event_rows as event_rows
+from labweb.crutd.api.events import event_rows
 from labweb.crutd.selectors.archive import with_former_place
 from labweb.domain.approvals.role_permissions import Permission
 from labweb.domain.crutd import operations

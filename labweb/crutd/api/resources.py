@@ -28,7 +28,7 @@ from labweb.crutd.answers import (
     ResourceRow,
     SeenConnection,
 )
-from labweb.crutd.api.events import event_rows as event_rows
+from labweb.crutd.api.events import event_rows
 from labweb.crutd.api.holds import keepers_of
 from labweb.crutd.selectors.data_origin import told_of
 from labweb.crutd.selectors.history_replay import Past, as_it_was

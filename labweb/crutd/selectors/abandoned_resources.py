@@ -5,10 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime
 
-from labweb.crutd.models import Event as Event
-from labweb.crutd.models import Holding as Holding
-from labweb.crutd.models import Ticket as Ticket
-from labweb.crutd.models import Transaction as Transaction
+from labweb.crutd.models import Transaction
 from labweb.domain.crutd.transaction_states import FINAL
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource

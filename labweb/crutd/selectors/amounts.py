@@ -12,11 +12,7 @@ from labweb.common.database.prepared_queries import (
     Question,
     together,
 )
-from labweb.crutd.models import Entry
-from labweb.crutd.models import Event as Event
-from labweb.crutd.models import Holding as Holding
-from labweb.crutd.models import Ticket as Ticket
-from labweb.crutd.models import Transaction as Transaction
+from labweb.crutd.models import Entry, Holding
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.provenance.ledger_flows import is_nominal
 from labweb.domain.resources.contents_by_lot import LotId

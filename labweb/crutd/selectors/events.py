@@ -7,11 +7,7 @@ from uuid import UUID
 
 from django.db.models import QuerySet
 
-from labweb.crutd.models import Event as Event
-from labweb.crutd.models import EventSubject
-from labweb.crutd.models import Holding as Holding
-from labweb.crutd.models import Ticket as Ticket
-from labweb.crutd.models import Transaction as Transaction
+from labweb.crutd.models import Event, EventSubject
 from labweb.resources.selectors import Lab
 
 

@@ -8,10 +8,6 @@ from uuid import UUID
 from labweb.common.database.prepared_queries import (
     prepared_cursor,
 )
-from labweb.crutd.models import Event as Event
-from labweb.crutd.models import Holding as Holding
-from labweb.crutd.models import Ticket as Ticket
-from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.runs.exclusive_use.action_locks import Lock, LockMode
 
 # Written out: it is on the way of every operation of the lab.

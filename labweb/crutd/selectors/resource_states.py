@@ -14,10 +14,7 @@ from labweb.common.database.prepared_queries import (
     IsAnyOf,
     Prepared,
 )
-from labweb.crutd.models import Event as Event
-from labweb.crutd.models import Holding as Holding
-from labweb.crutd.models import Ticket as Ticket
-from labweb.crutd.models import Transaction as Transaction
+from labweb.crutd.models import Holding
 from labweb.crutd.selectors.amounts import amounts, amounts_by_vessel
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.settlement import ResourceState

@@ -7,10 +7,7 @@ from uuid import UUID
 
 from django.db.models import QuerySet
 
-from labweb.crutd.models import Event as Event
-from labweb.crutd.models import Holding as Holding
-from labweb.crutd.models import Ticket as Ticket
-from labweb.crutd.models import Transaction as Transaction
+from labweb.crutd.models import Ticket, Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.errors import NotFoundError
 from labweb.resources.selectors import Lab, Resource

@@ -5,11 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from uuid import UUID
 
-from labweb.crutd.models import Entry
-from labweb.crutd.models import Event as Event
-from labweb.crutd.models import Holding as Holding
-from labweb.crutd.models import Ticket as Ticket
-from labweb.crutd.models import Transaction as Transaction
+from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.mass_balance import MassMove
 from labweb.domain.crutd.transaction_states import TransactionState

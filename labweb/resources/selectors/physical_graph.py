@@ -13,25 +13,10 @@ from labweb.domain.crutd.operations import Refit
 from labweb.domain.graph.attachments import Attachment, find_attachments
 from labweb.domain.graph.ports_and_connections import Connection as ConnectionData
 from labweb.domain.graph.ports_and_connections import Medium, PhysicalGraph, PortRef
-from labweb.resources.models import Connection as Connection
-from labweb.resources.models import Lab as Lab
-from labweb.resources.models import Lot as Lot
-from labweb.resources.models import Material as Material
-from labweb.resources.models import Resource as Resource
-from labweb.resources.selectors.access import Reach as Reach
-from labweb.resources.selectors.access import allowed_ids as allowed_ids
-from labweb.resources.selectors.access import allowed_of as allowed_of
-from labweb.resources.selectors.access import asking_allowed as asking_allowed
-from labweb.resources.selectors.access import reach_of as reach_of
-from labweb.resources.selectors.access import require as require
-from labweb.resources.selectors.access import require_seen as require_seen
-from labweb.resources.selectors.ancestry import Above as Above
-from labweb.resources.selectors.ancestry import ancestors as ancestors
-from labweb.resources.selectors.ancestry import ancestors_and_archived as ancestors_and_archived
-from labweb.resources.selectors.ancestry import asking_hold as asking_hold
-from labweb.resources.selectors.ancestry import descendants as descendants
-from labweb.resources.selectors.ancestry import held_of as held_of
-from labweb.resources.selectors.ancestry import hold as hold
+from labweb.resources.models import Connection, Lab
+from labweb.resources.selectors.ancestry import (
+    descendants,
+)
 
 
 def taken_tubes(lab: Lab, refit: Refit) -> tuple[str, ...]:

@@ -12,71 +12,13 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources.selectors import Lab
 from labweb.runs.answers.lab import LabCounts, LabStop, LabSummary, StopHost
-from labweb.runs.models import Attempt as Attempt
-from labweb.runs.models import Custody as Custody
-from labweb.runs.models import DeviceHalt as DeviceHalt
-from labweb.runs.models import HostEvent as HostEvent
-from labweb.runs.models import Job as Job
-from labweb.runs.models import Outbox as Outbox
-from labweb.runs.models import Run as Run
-from labweb.runs.selectors.custody import find_move as find_move
-from labweb.runs.selectors.custody import hands_between as hands_between
-from labweb.runs.selectors.custody import hosts_between as hosts_between
-from labweb.runs.selectors.custody import hosts_of_carry as hosts_of_carry
-from labweb.runs.selectors.custody import is_told as is_told
-from labweb.runs.selectors.custody import moves_of as moves_of
-from labweb.runs.selectors.custody import moves_of_run as moves_of_run
-from labweb.runs.selectors.custody import open_move_of as open_move_of
-from labweb.runs.selectors.custody import owner_of as owner_of
-from labweb.runs.selectors.doubt_readings import CONTRADICTED_BY as CONTRADICTED_BY
-from labweb.runs.selectors.doubt_readings import UNREAD as UNREAD
-from labweb.runs.selectors.doubt_readings import asked_nl as asked_nl
-from labweb.runs.selectors.doubt_readings import contradicted as contradicted
-from labweb.runs.selectors.doubt_readings import has_older_doubt as has_older_doubt
-from labweb.runs.selectors.doubt_readings import measured_of as measured_of
-from labweb.runs.selectors.doubt_readings import unread_answers as unread_answers
+from labweb.runs.models import Run
 from labweb.runs.selectors.jobs import jobs_in_doubt
-from labweb.runs.selectors.jobs_without_plans import with_runs as with_runs
-from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
-from labweb.runs.selectors.recovery import choices_after as choices_after
-from labweb.runs.selectors.recovery import ended_job as ended_job
-from labweb.runs.selectors.recovery import evidence_left as evidence_left
-from labweb.runs.selectors.recovery import halted_jobs as halted_jobs
-from labweb.runs.selectors.recovery import has_paused as has_paused
-from labweb.runs.selectors.recovery import is_discarded as is_discarded
-from labweb.runs.selectors.recovery import is_unanswered as is_unanswered
-from labweb.runs.selectors.recovery import later_jobs as later_jobs
-from labweb.runs.selectors.recovery import moved_nl as moved_nl
-from labweb.runs.selectors.recovery import partner_job as partner_job
-from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
-from labweb.runs.selectors.recovery import recovery_of as recovery_of
-from labweb.runs.selectors.recovery import waits_of as waits_of
-from labweb.runs.selectors.run_needs import LIVE as LIVE
-from labweb.runs.selectors.run_needs import jobs_that_ask as jobs_that_ask
-from labweb.runs.selectors.run_needs import runs_that_need as runs_that_need
-from labweb.runs.selectors.run_needs import runs_that_wait as runs_that_wait
-from labweb.runs.selectors.scheduling import HALTING_AT as HALTING_AT
-from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
-from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
-from labweb.runs.selectors.scheduling import asking as asking
-from labweb.runs.selectors.scheduling import asking_number as asking_number
-from labweb.runs.selectors.scheduling import asking_run_number as asking_run_number
-from labweb.runs.selectors.scheduling import attempt_for_update as attempt_for_update
-from labweb.runs.selectors.scheduling import due_outbox as due_outbox
-from labweb.runs.selectors.scheduling import halts_of as halts_of
-from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
-from labweb.runs.selectors.scheduling import is_halting as is_halting
-from labweb.runs.selectors.scheduling import job_for_update as job_for_update
-from labweb.runs.selectors.scheduling import last_halt as last_halt
-from labweb.runs.selectors.scheduling import next_number as next_number
-from labweb.runs.selectors.scheduling import open_halts as open_halts
-from labweb.runs.selectors.scheduling import owed_halts as owed_halts
-from labweb.runs.selectors.scheduling import run_for_update as run_for_update
-from labweb.runs.selectors.scheduling import to_schedule as to_schedule
-from labweb.runs.selectors.scheduling import views as views
-from labweb.runs.selectors.stated_lots import to_state as to_state
-from labweb.runs.selectors.unread_devices import silent_devices as silent_devices
-from labweb.runs.selectors.unread_devices import standing_jobs as standing_jobs
+from labweb.runs.selectors.run_needs import LIVE, runs_that_wait
+from labweb.runs.selectors.scheduling import (
+    owed_halts,
+)
+from labweb.runs.selectors.unread_devices import silent_devices
 
 
 def lab_summary(lab: Lab) -> LabSummary:

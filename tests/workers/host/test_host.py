@@ -215,23 +215,23 @@ def test_a_host_starts_its_lines_with_the_server_away_and_runs_only_once(
     until(lambda: pump.moves == ["A300"], within_s=60)
 
 
-@pytest.mark.skipif(not confinement.has_proxies(), reason="this kernel asks no guard")
+@pytest.mark.skipif(not confinement.has_proxies(), reason="this kernel has no connection proxy")
 def test_a_line_whose_guard_has_ended_starts_anew_and_reaches_its_device(
     running: Running, pump: PumpProcess
 ) -> None:
     until(running.is_online, within_s=60)
-    line, guard = _line_and_guard(running)
-    os.kill(guard, signal.SIGKILL)
+    line, proxy = _line_and_proxy(running)
+    os.kill(proxy, signal.SIGKILL)
     until(lambda: line not in _of_kinds(running, "line"), within_s=10)
     until(lambda: len(_of_kinds(running, "line")) == 2, within_s=60)
-    assert guard not in _line_and_guard(running)
+    assert proxy not in _line_and_proxy(running)
     running.post(a_do(running.hub.server))
     until(lambda: "complete" in running.hub.kinds, within_s=60)
     assert pump.moves == ["A300"]
     assert len(_of_kinds(running, "accept", "uplink", "line")) == 4, "Celery has renamed one"
 
 
-def _line_and_guard(running: Running) -> tuple[int, int]:
+def _line_and_proxy(running: Running) -> tuple[int, int]:
     one, other = _of_kinds(running, "line")
     parent = int(Path(f"/proc/{other}/stat").read_text().rpartition(") ")[2].split()[1])
     return (one, other) if parent == one else (other, one)

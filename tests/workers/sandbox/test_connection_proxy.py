@@ -21,7 +21,8 @@ from workers.sandbox import confinement, connection_proxy
 from workers.sandbox.connection_proxy import AllowedConnections, is_allowed
 
 guarded = pytest.mark.skipif(
-    not confinement.has_proxies(), reason="the kernel has no Landlock with ports, or asks no guard"
+    not confinement.has_proxies(),
+    reason="the kernel has no Landlock with ports, or no connection proxy",
 )
 
 LINE = """
@@ -100,7 +101,7 @@ tries("streams of SCTP", lambda: connect((host, port), protocol=132))
 tries("local socket", lambda: connect(path, socket.AF_UNIX))
 tries("abstract socket", lambda: connect("\\0" + path, socket.AF_UNIX))
 tries("beat", lambda: send((host, beat_port or 9), True))
-tries("beat without a guard", lambda: send((host, beat_port or 9), False))
+tries("beat without the proxy", lambda: send((host, beat_port or 9), False))
 tries("datagram elsewhere", lambda: send(("127.0.0.2", beat_port or 9), True))
 tries("nobody's port", lambda: connect((host, 1)))
 swap()
@@ -150,7 +151,7 @@ def bench() -> Iterator[Bench]:
         abstract.listen()
         beats.bind(("127.0.0.1", 0))
         beats.settimeout(2.0)
-        # Without the guard both would be reached.
+        # Without the proxy both would be reached.
         socket.create_connection(other.getsockname()).close()
         yield Bench(own.getsockname()[1], beats.getsockname()[1], beats, path)
 
@@ -228,7 +229,7 @@ def test_a_line_with_a_beat_tells_it_to_its_device_and_nothing_to_others(bench: 
     found = bench.line(beat_port=bench.beat_port)
     assert (found["beat"], found["own"]) == ("works", "works")
     assert bench.beats.recv(16) == b"beat"
-    assert (found["datagram elsewhere"], found["beat without a guard"]) == ("EACCES", "EPERM")
+    assert (found["datagram elsewhere"], found["beat without the proxy"]) == ("EACCES", "EPERM")
     bench.beats.settimeout(0.2)
     with pytest.raises(TimeoutError):
         bench.beats.recv(16)
